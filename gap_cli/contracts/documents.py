@@ -1,0 +1,152 @@
+"""Strict reading of YAML and JSON: what a lenient parser would guess at is an error here, with its line.
+
+YAML traps refused: duplicate keys, aliases, tabs, `no`/`yes`/`on`/`off` as booleans, sexagesimal and date scalars,
+non-string keys, non-UTF-8, NUL, several documents, custom tags, nesting deeper than `MAX_DEPTH`. JSON likewise:
+duplicate keys, NaN and Infinity, nesting, size.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import Any, NoReturn
+
+import yaml
+
+from gap_cli.contracts.failures import DocumentError
+
+MAX_DEPTH = 64
+MAX_BYTES = 8_000_000
+_AMBIGUOUS_BOOL = {"yes", "no", "on", "off", "y", "n"}
+_SEXAGESIMAL = re.compile(r"^[-+]?\d+(:[0-5]?\d)+(\.\d*)?$")
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\u200b-\u200f\u202a-\u202e\u2066-\u2069\ufeff]")
+
+
+def read_text(path: Path) -> str:
+    """The file's text. Raises `DocumentError` when it is missing, unreadable, too large or not clean UTF-8."""
+    where = str(path)
+    try:
+        if not path.is_file():
+            raise DocumentError(where, "no such file")
+        if path.stat().st_size > MAX_BYTES:
+            raise DocumentError(where, f"larger than {MAX_BYTES // 1_000_000} MB")
+        data = path.read_bytes()
+    except OSError as error:
+        raise DocumentError(where, f"cannot be read ({error.strerror})") from None
+    try:
+        text = data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        raise DocumentError(f"{where}:{line}", "is not UTF-8", hint="Save the file as UTF-8.") from None
+    return check_text(text, where)
+
+
+def check_text(text: str, where: str) -> str:
+    """Refuse control, zero-width and bidirectional characters, which hide what a reviewer would see."""
+    found = _CONTROL.search(text)
+    if found:
+        line = text.count("\n", 0, found.start()) + 1
+        raise DocumentError(f"{where}:{line}", f"holds the invisible character U+{ord(found[0]):04X}")
+    return text
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """SafeLoader that refuses what YAML 1.1 would silently reinterpret."""
+
+    where = "yaml"
+    depth = 0
+
+    def refuse(self, node: Any, problem: str, hint: str = "") -> NoReturn:
+        """Raise with the line of the node or event."""
+        raise DocumentError(f"{self.where}:{node.start_mark.line + 1}", problem, hint=hint)
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        event = self.peek_event()  # type: ignore[no-untyped-call]
+        if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
+            self.refuse(event, "uses an anchor or alias", "Write the value out.")
+        self.depth += 1
+        if self.depth > MAX_DEPTH:
+            self.refuse(event, f"is nested deeper than {MAX_DEPTH} levels")
+        try:
+            return super().compose_node(parent, index)
+        finally:
+            self.depth -= 1
+
+    def construct_object(self, node: Any, deep: bool = False) -> Any:
+        if isinstance(node, yaml.MappingNode):
+            seen: set[str] = set()
+            for key, _ in node.value:
+                if not isinstance(key, yaml.ScalarNode) or key.tag != "tag:yaml.org,2002:str":
+                    self.refuse(key, f"key {getattr(key, 'value', '?')!r} is not text", "Quote it.")
+                if key.value in seen:
+                    self.refuse(key, f"key {key.value!r} appears twice")
+                seen.add(key.value)
+        elif isinstance(node, yaml.ScalarNode) and node.style is None:
+            self._check_plain(node)
+        return super().construct_object(node, deep)
+
+    def _check_plain(self, node: yaml.ScalarNode) -> None:
+        text = node.value
+        if text.lower() in _AMBIGUOUS_BOOL:
+            self.refuse(node, f"{text} could mean a boolean or a word", f'Write "{text}" or true/false.')
+        if node.tag == "tag:yaml.org,2002:timestamp" or _SEXAGESIMAL.match(text):
+            self.refuse(node, f"{text} would be read as a time", f'Write "{text}".')
+        if node.tag == "tag:yaml.org,2002:float" and not math.isfinite(
+            float(text.replace("_", "").replace(".inf", "inf").replace(".nan", "nan"))
+        ):
+            self.refuse(node, f"{text} is not a finite number")
+
+
+def parse_yaml(text: str, where: str) -> Any:
+    """Strictly parse one YAML document. Raises `DocumentError` with the line."""
+    loader = _StrictLoader(check_text(text, where))
+    loader.where = where
+    try:
+        return loader.get_single_data()
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = f":{mark.line + 1}" if mark else ""
+        hint = "Indent with spaces." if "\\t" in str(error) else ""
+        raise DocumentError(f"{where}{line}", f"is not YAML: {error.problem or error}", hint=hint) from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise DocumentError(where, f"is not YAML: {type(error).__name__}") from None
+    finally:
+        loader.dispose()
+
+
+def parse_json(text: str, where: str) -> Any:
+    """Strictly parse one JSON document. Raises `DocumentError`."""
+
+    def pairs(items: list[tuple[str, Any]]) -> dict[str, Any]:
+        out: dict[str, Any] = {}
+        for key, value in items:
+            if key in out:
+                raise DocumentError(where, f"key {key!r} appears twice")
+            out[key] = value
+        return out
+
+    def constant(name: str) -> NoReturn:
+        raise DocumentError(where, f"{name} is not a finite number")
+
+    def number(text: str) -> float:
+        value = float(text)
+        return value if math.isfinite(value) else constant(text)
+
+    try:
+        return json.loads(text, object_pairs_hook=pairs, parse_constant=constant, parse_float=number)
+    except json.JSONDecodeError as error:
+        raise DocumentError(f"{where}:{error.lineno}", f"is not JSON: {error.msg}") from None
+    except (RecursionError, ValueError) as error:
+        raise DocumentError(where, f"is not JSON: {type(error).__name__}") from None
+
+
+def read_yaml(path: Path) -> Any:
+    """Strictly read a YAML file."""
+    return parse_yaml(read_text(path), str(path))
+
+
+def read_json(path: Path) -> Any:
+    """Strictly read a JSON file."""
+    return parse_json(read_text(path), str(path))

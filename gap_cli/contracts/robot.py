@@ -1,0 +1,87 @@
+"""A robot as skills and planners see it: names, limits and shape, so that no skill carries a robot's constants."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class JointLimits:
+    """Limits of one joint [rad, rad/s, rad/s^2, rad/s^3, Nm]."""
+
+    lower: float
+    upper: float
+    velocity: float
+    acceleration: float
+    jerk: float
+    torque: float
+
+
+@dataclass(frozen=True)
+class GripperSpec:
+    """A parallel jaw. `finger_depth` is how far the pads reach above the TCP [m]; `finger_size` is a pad's
+    half-extents along closing, pad width and approach axes [m]; force [N], speed [m/s]."""
+
+    max_width: float
+    max_force: float
+    max_speed: float
+    finger_depth: float
+    finger_size: tuple[float, float, float]
+    joints: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class CollisionSphere:
+    """A sphere of the planning model: its link, its centre in the link frame [m] and its radius [m]."""
+
+    link: str
+    center: tuple[float, float, float]
+    radius: float
+
+
+@dataclass(frozen=True)
+class CameraSpec:
+    """A camera: `mount` is a link name or 'world'; pose is T_mount_camera (optical), quaternion w first; fovy [deg]."""
+
+    name: str
+    mount: str
+    position: tuple[float, float, float]
+    quaternion: tuple[float, float, float, float]
+    fovy: float
+    resolution: tuple[int, int] = (640, 480)
+
+
+@dataclass(frozen=True)
+class RobotSpec:
+    """One arm with its gripper.
+
+    model_file   MJCF of the arm and hand, the one source of kinematics for physics and planning.
+    tcp_offset   T_flange_tcp: translation [m] and quaternion (w first) from `flange_link` to the point between
+                 the fingertips. The TCP's z axis points along the approach, its y axis along the closing direction.
+    reach        farthest TCP distance from the base's shoulder at which a top-down grasp is expected [m].
+    sources      where each limit comes from, by field name.
+    """
+
+    name: str
+    model_file: Path
+    base_link: str
+    flange_link: str
+    joints: tuple[str, ...]
+    limits: tuple[JointLimits, ...]
+    home: tuple[float, ...]
+    tcp_offset_position: tuple[float, float, float]
+    tcp_offset_quaternion: tuple[float, float, float, float]
+    gripper: GripperSpec
+    tcp_velocity: float
+    reach: float
+    spheres: tuple[CollisionSphere, ...] = ()
+    self_collision_ignore: tuple[tuple[str, str], ...] = ()
+    cameras: tuple[CameraSpec, ...] = ()
+    sources: Mapping[str, str] | None = None
+
+    @property
+    def dof(self) -> int:
+        """Number of arm joints."""
+        return len(self.joints)

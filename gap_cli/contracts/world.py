@@ -1,0 +1,100 @@
+"""A world: what a simulator or a robot cell offers to tools, and, for simulators only, to whoever keeps the score."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Protocol
+
+from gap_cli.contracts.robot import RobotSpec
+from gap_cli.contracts.snapshot import WorldSnapshot
+from gap_cli.contracts.types import WORLD, ArmState, GripperState, Observation, Se3Pose, Trajectory
+
+
+@dataclass(frozen=True)
+class Instance:
+    """One sample from the belief space: where every object starts. Poses are T_world_object."""
+
+    seed: int
+    scene: str
+    poses: Mapping[str, Annotated[Se3Pose, WORLD]]
+    joints: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class WorldFrame:
+    """What a recorder sees at one instant of world time: sensors, plus ground truth for drawing only."""
+
+    time: float
+    observation: Observation
+    snapshot: WorldSnapshot | None
+
+
+class Arm(Protocol):
+    """One arm and its gripper. Every motion blocks until done in world time and raises `MotionError` on trouble."""
+
+    @property
+    def spec(self) -> RobotSpec:
+        """The robot's names, limits and shape."""
+
+    @property
+    def base_pose(self) -> Se3Pose:
+        """T_world_base: known cell calibration."""
+
+    def state(self) -> ArmState:
+        """Joints, gripper and forward kinematics as the arm's own sensors report them."""
+
+    def execute(self, trajectory: Trajectory, *, tolerance: float = 0.01) -> None:
+        """Track a joint trajectory that starts at the current positions; done when within `tolerance` [rad] of its end.
+
+        The whole command is refused (`MotionError` code `refused`) where it is not finite, does not start where the
+        arm is, or leaves the robot's limits. Codes while moving: `tracking`, `contact`, `stalled`, `stopped`.
+        """
+
+    def set_gripper(self, width: float, *, force: float | None = None, settle: float = 0.5) -> GripperState:
+        """Drive the jaws to `width` [m] with at most `force` [N] and let `settle` [s] of world time pass."""
+
+    def stop(self) -> None:
+        """Stop as fast as the limits allow and hold. Safe to call from any thread, at any time, repeatedly."""
+
+
+class World(Protocol):
+    """A cell. Methods may be called from any thread; the world serialises them."""
+
+    @property
+    def arms(self) -> Sequence[Arm]:
+        """By arm_id."""
+
+    @property
+    def time(self) -> float:
+        """World time [s]: simulated time, or the cell's monotonic clock."""
+
+    @property
+    def camera_names(self) -> tuple[str, ...]:
+        """All cameras, robot-mounted ones included, in a fixed order."""
+
+    def sample(self, seed: int) -> Instance:
+        """Draw an instance from the task's belief space. Raises `TaskInfeasibleError`."""
+
+    def reset(self, instance: Instance) -> None:
+        """Start an episode: objects placed, settled, the arm at home. The only call that writes positions."""
+
+    def observe(self, cameras: Sequence[str] | None = None) -> Observation:
+        """RGB-D of the named cameras (default all) and the arms' states, all at one instant."""
+
+    def camera_pose(self, name: str) -> Se3Pose:
+        """T_world_camera (optical) from calibration and forward kinematics. Raises `UnknownNameError`."""
+
+    def wait(self, seconds: float) -> None:
+        """Let world time pass."""
+
+    def snapshot(self) -> WorldSnapshot:
+        """Ground truth. Privileged: raises `PrivilegedReadError` inside a policy node."""
+
+    def subscribe(
+        self, listener: Callable[[WorldFrame], None], hz: float, cameras: Sequence[str] = ()
+    ) -> Callable[[], None]:
+        """Call `listener` at `hz` of world time while it passes; returns how to unsubscribe. Never changes the physics."""
+
+    def close(self) -> None:
+        """Free everything. Idempotent."""

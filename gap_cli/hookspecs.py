@@ -1,0 +1,63 @@
+"""Every hook a plugin may implement. Each receives `register`, which stamps what it is given with the plugin's name."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import pluggy
+
+PROJECT = "gap"
+hookspec = pluggy.HookspecMarker(PROJECT)
+hookimpl = pluggy.HookimplMarker(PROJECT)
+
+
+class Register(Protocol):
+    """What the host hands to a hook. See each hook for the arguments it takes."""
+
+    def __call__(self, *args: Any, **kwargs: Any) -> None:
+        """Register one thing."""
+
+
+@hookspec
+def gap_register_skills(register: Register) -> None:
+    """register(path): a skill directory, or a directory of skill directories."""
+
+
+@hookspec
+def gap_register_tools(register: Register) -> None:
+    """register(function): a function decorated with `gap_cli.contracts.tool.tool`."""
+
+
+@hookspec
+def gap_register_worlds(register: Register) -> None:
+    """register(name, factory): factory(task, scene, robots) -> World, robots mapping model name to RobotSpec."""
+
+
+@hookspec
+def gap_register_robots(register: Register) -> None:
+    """register(spec): a `RobotSpec`; or register(name, factory) where building one costs something."""
+
+
+@hookspec
+def gap_register_tasks(register: Register) -> None:
+    """register(path): a task directory holding task.yaml, or a directory of such directories."""
+
+
+@hookspec
+def gap_register_authors(register: Register) -> None:
+    """register(name, factory): factory(**options) -> Author, who writes plans and subgraphs."""
+
+
+@hookspec
+def gap_register_policies(register: Register) -> None:
+    """register(name, factory): a learned policy served as a tool."""
+
+
+@hookspec
+def gap_register_engines(register: Register) -> None:
+    """register(name, factory): where rehearsals run; factory(workers) -> Engine."""
+
+
+@hookspec
+def gap_register_benchmarks(register: Register) -> None:
+    """register(name, function): a benchmark `gap bench` can run."""
