@@ -130,8 +130,7 @@ def _candidates(first_party: tuple[str, ...], entry_points: bool) -> list[tuple[
     from gap_cli import __version__
 
     found: list[tuple[str, str, Callable[[], Any]]] = [
-        (name, __version__, partial(importlib.import_module, name))
-        for name in first_party  # type: ignore[misc]
+        (name, __version__, partial(importlib.import_module, name)) for name in first_party
     ]
     seen = set(first_party)
     for point in sorted(metadata.entry_points(group=GROUP), key=lambda p: p.value) if entry_points else ():

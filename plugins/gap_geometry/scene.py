@@ -1,0 +1,161 @@
+"""A named collision world from what the cameras see: every point belongs to some obstacle, none is dropped."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from gap_cli.contracts.failures import BadRequestError
+from gap_cli.contracts.tool import ToolContext, tool
+from gap_cli.contracts.types import (
+    WORLD,
+    Array,
+    CameraObservation,
+    JointState,
+    ObjectMask,
+    Obstacle,
+    OrientedBoundingBox,
+    PointCloud,
+    WorldConfig,
+)
+from gap_geometry.boxes import MIN_POINTS, compute_obb
+from gap_geometry.checks import valid_depth
+from gap_geometry.clouds import back_project, cluster, to_frame
+
+SUPPORT_MARGIN = 0.006  # m above a known support below which a point is taken for the support itself (depth noise)
+
+
+class BuiltWorld(NamedTuple):
+    """The collision world and the names of its obstacles, masks first."""
+
+    config: WorldConfig
+    mesh_names: list[str]
+
+
+@tool("geometry_svc.BuildWorldConfig", deadline_s=20.0)
+def build_world_config(
+    ctx: ToolContext,
+    cameras: list[CameraObservation],
+    object_masks: list[ObjectMask],
+    voxel_size: float = 0.005,
+    mesh_alpha: float = 0.03,
+    robot_joint_state: JointState | None = None,
+    target_obb: Annotated[OrientedBoundingBox, WORLD] | None = None,
+) -> BuiltWorld:
+    """Reconstruct a named collision world from camera observations.
+
+    Points under a mask become the obstacle of that name; all others above a support are grouped where gaps exceed
+    `mesh_alpha` [m] and named `obstacle_0`, ... by size; supports are boxes under their surface. Each keeps its points
+    on a `voxel_size` [m] grid. With `robot_joint_state`, points on the robot itself are left out; with `target_obb`,
+    points inside that box become the obstacle `target`.
+    Raises `BadRequestError` for a camera index or mask size that does not fit, or sizes that are not positive.
+    """
+    if voxel_size <= 0 or mesh_alpha <= 0:
+        raise BadRequestError(
+            "range", f"voxel_size and mesh_alpha must be positive, got {voxel_size} and {mesh_alpha}."
+        )
+    named, rest = _split(cameras, object_masks)
+    rest = rest[_above_supports(ctx, rest)]
+    if robot_joint_state is not None:
+        rest = rest[~_on_robot(ctx, rest, robot_joint_state)]
+    if target_obb is not None:
+        inside = _inside(rest, target_obb, margin=voxel_size)
+        named.setdefault("target", []).append(rest[inside])
+        rest = rest[~inside]
+    obstacles = [_obstacle(name, np.concatenate(parts), voxel_size) for name, parts in named.items()]
+    obstacles += _groups(_voxels(rest, voxel_size), mesh_alpha)
+    found = [o for o in obstacles if o is not None] + _supports(ctx)
+    return BuiltWorld(WorldConfig(tuple(found)), [o.name for o in found])
+
+
+def _split(cameras: list[CameraObservation], masks: list[ObjectMask]) -> tuple[dict[str, list[Array]], Array]:
+    """World points under each named mask, and all the others, over all cameras."""
+    named: dict[str, list[Array]] = {}
+    rest: list[Array] = [np.zeros((0, 3))]
+    for item in masks:
+        if not 0 <= item.camera_index < len(cameras):
+            raise BadRequestError(
+                "camera_index", f"Mask {item.name!r} is of camera {item.camera_index} of {len(cameras)}."
+            )
+        if item.mask.data.shape != cameras[item.camera_index].depth.data.shape:
+            raise BadRequestError("shape", f"Mask {item.name!r} and its camera's depth image differ in size.")
+    for index, camera in enumerate(cameras):
+        free = valid_depth(camera.depth)
+        for item in (m for m in masks if m.camera_index == index):
+            named.setdefault(item.name, []).append(_world(camera, item.mask.data & free))
+            free &= ~item.mask.data
+        rest.append(_world(camera, free))
+    return named, np.concatenate(rest)
+
+
+def _world(camera: CameraObservation, pixels: Array) -> Array:
+    return to_frame(back_project(camera.depth, camera.intrinsics, pixels), camera.pose)
+
+
+def _above_supports(ctx: ToolContext, points: Array) -> Array:
+    keep = np.ones(len(points), dtype=bool)
+    for support in ctx.task.environment.supports.values():
+        over = (np.abs(points[:, :2] - support.center) <= support.half_size).all(axis=1)
+        keep &= ~(over & (points[:, 2] < support.z + SUPPORT_MARGIN))
+    low, high = np.array(ctx.task.environment.workspace)
+    return np.asarray(keep & ((points >= low) & (points <= high)).all(axis=1))
+
+
+def _on_robot(ctx: ToolContext, points: Array, joints: JointState) -> Array:
+    from gap_motion.kinematics import sphere_centers
+
+    spec, base = ctx.robot(), ctx.world.arms[0].base_pose
+    centers = to_frame(sphere_centers(spec, joints.positions), base)
+    radii = np.array([s.radius for s in spec.spheres])
+    on = np.zeros(len(points), dtype=bool)
+    for center, radius in zip(centers, radii, strict=True):
+        on |= np.linalg.norm(points - center, axis=1) <= radius
+    return on
+
+
+def _inside(points: Array, box: OrientedBoundingBox, margin: float) -> Array:
+    local = box.orientation.rotation.inv().apply(points - box.center.array) if len(points) else points
+    return np.asarray((np.abs(local) <= box.extent.array + margin).all(axis=1))
+
+
+def _voxels(points: Array, size: float) -> Array:
+    """One point, the centre, per occupied voxel."""
+    return (np.unique(np.floor(points / size).astype(np.int64), axis=0) + 0.5) * size
+
+
+def _groups(points: Array, gap: float) -> list[Obstacle | None]:
+    """Clusters closed over gaps of up to `gap`; a lone point is an obstacle too."""
+    if not len(points):
+        return []
+    labels = cluster(points, gap, 1)
+    order = np.argsort(-np.bincount(labels), kind="stable")
+    return [_obstacle(f"obstacle_{i}", points[labels == label], None) for i, label in enumerate(order)]
+
+
+def _obstacle(name: str, points: Array, voxel_size: float | None) -> Obstacle | None:
+    if voxel_size is not None:
+        points = _voxels(points, voxel_size)
+    if not len(points):
+        return None
+    # A rectangle needs four points: stand-ins at the corners of a hair's breadth keep a lone point an obstacle.
+    padded = points if len(points) >= MIN_POINTS else np.concatenate([points + d for d in 1e-4 * np.eye(3)] + [points])
+    return Obstacle(name, compute_obb.function(PointCloud(padded)), points)
+
+
+def _supports(ctx: ToolContext) -> list[Obstacle]:
+    from gap_cli.contracts.types import Quaternion, Vec3
+
+    depth = 0.05
+    return [
+        Obstacle(
+            name,
+            OrientedBoundingBox(
+                Vec3(*s.center, s.z - depth), Vec3(*s.half_size, depth), Quaternion(1.0, 0.0, 0.0, 0.0)
+            ),
+        )
+        for name, s in ctx.task.environment.supports.items()
+    ]
+
+
+TOOLS = (build_world_config,)
