@@ -1,1 +1,14 @@
-"""To be written."""
+"""Perception tools served from pixels and object models: `observation.*`, detection, segmentation, questions."""
+
+from __future__ import annotations
+
+from gap_cli.hookspecs import Register, hookimpl
+
+
+@hookimpl
+def gap_register_tools(register: Register) -> None:
+    from gap_perception import observation
+
+    for module in (observation,):
+        for tool in module.TOOLS:
+            register(tool)
