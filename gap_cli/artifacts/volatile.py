@@ -1,0 +1,40 @@
+"""meta.json and timings.jsonl: everything that depends on when and where a run was made. Never seen by git."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Iterable
+from datetime import UTC, datetime
+from typing import Any
+
+from gap_cli.artifacts.canonical import write_json, write_jsonl
+from gap_cli.artifacts.run import Run
+from gap_cli.contracts.documents import read_json
+from gap_cli.errors import DocumentError
+
+SCHEMA = "gap/meta/v1"
+
+
+def read_meta(run: Run) -> dict[str, Any]:
+    """What meta.json says; empty where it is missing or damaged, since nothing depends on it."""
+    try:
+        data = read_json(run.path / "meta.json")
+    except DocumentError:
+        return {}
+    return data if isinstance(data, dict) else {}
+
+
+def note(run: Run, stage: str, **values: Any) -> None:
+    """Record when `stage` was done, on which machine, and `values`. Raises `StorageError`."""
+    from gap_cli import __version__
+
+    before = read_meta(run).get("stages")
+    stages: dict[str, Any] = before if isinstance(before, dict) else {}
+    stages = {**stages, stage: {"at": datetime.now(UTC).isoformat(timespec="seconds"), **values}}
+    host = {"machine": platform.machine(), "system": platform.platform(), "python": platform.python_version()}
+    write_json(run.path / "meta.json", {"schema": SCHEMA, "engine": __version__, "host": host, "stages": stages})
+
+
+def write_timings(run: Run, stage: str, rows: Iterable[dict[str, Any]]) -> None:
+    """Write `<stage>/timings.jsonl`: measured seconds, one row per episode. Raises `StorageError`."""
+    write_jsonl(run.folder(stage) / "timings.jsonl", rows)

@@ -1,0 +1,24 @@
+import pytest
+
+from gap_cli.artifacts.asked import Asked
+from gap_cli.artifacts.run import Run
+from gap_cli.artifacts.volatile import note, read_meta
+
+
+@pytest.fixture
+def run(tmp_path):
+    return Run.create(tmp_path, Asked(task="pack", instruction="pack it"))
+
+
+def test_notes_of_stages_add_up(run):
+    note(run, "plan", seconds=1.0)
+    note(run, "generate", seconds=2.0)
+    note(run, "plan", seconds=3.0)
+    assert {k: v["seconds"] for k, v in read_meta(run)["stages"].items()} == {"plan": 3.0, "generate": 2.0}
+
+
+@pytest.mark.parametrize("damage", ["", "{", "[]", '{"stages": 3}'])
+def test_a_damaged_meta_costs_only_itself(run, damage):
+    (run.path / "meta.json").write_text(damage)
+    note(run, "plan", seconds=1.0)
+    assert read_meta(run)["stages"]["plan"]["seconds"] == 1.0
