@@ -105,7 +105,16 @@ class InstructionError(GapError):
 
 
 class SandboxError(GapError):
-    """Builder code was stopped by the jail, broke its rules, or the jail could not be set up."""
+    """Builder code or an inline script was stopped by the jail, broke its rules, or the jail could not be set up.
+
+    `cause` is one word: timeout, memory, output, syscall, forbidden, error, crash or unavailable; `line` is the line of
+    the jailed source, where one is to blame.
+    """
+
+    def __init__(self, message: str, *, hint: str = "", cause: str = "error", line: int | None = None) -> None:
+        self.cause = cause
+        self.line = line
+        super().__init__(message, hint=hint)
 
 
 class EnvironmentSetupError(GapError):
