@@ -76,8 +76,10 @@ def transform_points(point_cloud: PointCloud, transform: Se3Pose) -> PointCloud:
 def filter_noise(
     point_cloud: Annotated[PointCloud, WORLD], eps: float = 0.005, min_samples: int = 10
 ) -> Annotated[PointCloud, WORLD]:
-    """Drop the points DBSCAN (Ester et al. 1996) calls noise: not within `eps` [m] of a point with `min_samples` such
-    neighbours, itself included. All clusters stay.
+    """Drop the points DBSCAN calls noise and keep all clusters.
+
+    Noise is what is not within `eps` [m] of a point with `min_samples` such neighbours, itself included
+    (Ester et al. 1996).
 
     Raises `PerceptionError` (`empty_cloud`) when nothing is left.
     """

@@ -13,6 +13,12 @@ from gap_cli.contracts.types import WORLD, Array, OrientedBoundingBox, Quaternio
 from gap_geometry.checks import finite, unit
 
 
+class Candidates(NamedTuple):
+    """Grasps to choose from, best first."""
+
+    poses: list[Annotated[Se3Pose, WORLD]]
+
+
 class FrontGrasp(NamedTuple):
     """A horizontal grasp, where to come from, and the way a drawer or door would move when pulled."""
 
@@ -52,12 +58,10 @@ def top_down_grasp_from_obb(
 
 
 @tool("geometry_svc.TopDownGraspCandidates")
-def top_down_grasp_candidates(
-    obb: Annotated[OrientedBoundingBox, WORLD], z_offset: float = 0.0
-) -> list[Annotated[Se3Pose, WORLD]]:
+def top_down_grasp_candidates(obb: Annotated[OrientedBoundingBox, WORLD], z_offset: float = 0.0) -> Candidates:
     """The top-down grasp across the shorter side and the one turned by 90 degrees, in that order."""
     primary: Se3Pose = top_down_grasp_from_obb.function(obb, z_offset)
-    return [primary, Se3Pose(primary.position, _turned(primary.rotation))]
+    return Candidates([primary, Se3Pose(primary.position, _turned(primary.rotation))])
 
 
 @tool("geometry_svc.SelectTopDownGrasp")
@@ -87,10 +91,10 @@ def front_grasp_from_obb(
     approach_hint: Vec3 | None = None,
     z_offset: float = 0.0,
 ) -> FrontGrasp:
-    """A horizontal grasp on a handle: along the horizontal box axis nearest to `approach_hint`, the jaws closing
-    across the smaller of the two remaining sides, from `approach_offset` [m] in front of it.
+    """A horizontal grasp on a handle, and where to come from.
 
-    Without a hint the approach points from the arm's base to the box. `slide_axis` is the pull direction.
+    The approach runs along the horizontal box axis nearest to `approach_hint`, from `approach_offset` [m] in front;
+    the jaws close across the smaller of the two remaining sides. Without a hint the approach points from the arm's base to the box. `slide_axis` is the pull direction.
     """
     center = obb.center.array
     hint = approach_hint.array if approach_hint else center - ctx.world.arms[0].base_pose.position.array

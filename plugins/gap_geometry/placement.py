@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -10,6 +10,12 @@ from gap_cli.contracts.failures import BadRequestError
 from gap_cli.contracts.tool import tool
 from gap_cli.contracts.types import WORLD, OrientedBoundingBox, Vec3
 from gap_geometry.checks import finite
+
+
+class GroundDistance(NamedTuple):
+    """A distance in the ground plane [m]."""
+
+    distance: float
 
 
 @tool("geometry_svc.ComputeDropPosition")
@@ -30,9 +36,9 @@ def compute_drop_position(
 
 
 @tool("geometry_svc.ComputeXYDistance")
-def compute_xy_distance(point_a: Vec3, point_b: Vec3) -> float:
+def compute_xy_distance(point_a: Vec3, point_b: Vec3) -> GroundDistance:
     """Distance [m] between two points in the ground plane."""
-    return float(np.hypot(point_a.x - point_b.x, point_a.y - point_b.y))
+    return GroundDistance(float(np.hypot(point_a.x - point_b.x, point_a.y - point_b.y)))
 
 
 TOOLS = (compute_drop_position, compute_xy_distance)

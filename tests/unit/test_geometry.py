@@ -121,7 +121,7 @@ def test_an_aligned_box_is_grasped_in_the_standard_top_down_orientation():
 
 def test_candidates_differ_by_a_quarter_turn():
     obb = OrientedBoundingBox(Vec3(0, 0, 0), Vec3(0.05, 0.02, 0.02), Quaternion(1, 0, 0, 0))
-    first, second = grasps.top_down_grasp_candidates.function(obb)
+    first, second = grasps.top_down_grasp_candidates.function(obb).poses
     assert (first.rotation.rotation.inv() * second.rotation.rotation).magnitude() == pytest.approx(np.pi / 2)
     assert second.rotation == grasps.rotate_quat_z90.function(first.rotation)
 
@@ -150,7 +150,7 @@ def test_the_drop_position_clears_the_rim_by_the_clearance():
 
 
 def test_distance_ignores_height():
-    assert placement.compute_xy_distance.function(Vec3(0, 0, 5), Vec3(3, 4, -5)) == 5
+    assert placement.compute_xy_distance.function(Vec3(0, 0, 5), Vec3(3, 4, -5)).distance == 5
 
 
 @pytest.mark.parametrize(

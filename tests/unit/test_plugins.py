@@ -1,0 +1,106 @@
+"""Plugins: what a broken, chatty or clashing one does to the rest (nothing), and what the user is told."""
+
+from __future__ import annotations
+
+import sys
+import textwrap
+
+import pytest
+
+from gap_cli.errors import PluginError, UnknownNameError
+from gap_cli.plugins import load_registry
+
+TOOL = """
+from gap_cli.contracts.tool import tool
+from gap_cli.hookspecs import hookimpl
+
+@tool("extra.Double"{options})
+def double(x: {type}) -> {type}:
+    "Twice x."
+    return 2 * x
+
+@hookimpl
+def gap_register_tools(register):
+    register(double)
+"""
+
+
+def tool_source(type="float", options=""):
+    return TOOL.format(type=type, options=options)
+
+
+@pytest.fixture
+def plugin(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    made = []
+
+    def make(name, source):
+        (tmp_path / f"{name}.py").write_text(textwrap.dedent(source))
+        made.append(name)
+        return name
+
+    yield make
+    for name in made:
+        sys.modules.pop(name, None)
+
+
+def load(*names):
+    return load_registry(names, entry_points=False)
+
+
+def test_a_tool_is_stamped_with_the_plugin_it_came_from(plugin):
+    tool = load(plugin("good", tool_source())).tool("extra.Double")
+    assert tool.plugin == "good" and tool(None, x=2.0) == 4.0
+
+
+@pytest.mark.parametrize(
+    ("source", "reason"),
+    [
+        ("raise ValueError('no licence')", "ValueError: no licence"),
+        ("import sys; sys.exit(3)", "SystemExit: 3"),
+        ("import no_such_module", "ModuleNotFoundError"),
+        ("this is not python", "SyntaxError"),
+        ("class Stop(BaseException): pass\nraise Stop", "Stop"),
+        ("from gap_cli.hookspecs import hookimpl\n@hookimpl\ndef gap_register_toolz(register): pass", "misspelled hook"),
+        ("from gap_cli.hookspecs import hookimpl\n@hookimpl\ndef gap_register_tools(register): register(1)", "not a function"),
+    ],
+)  # fmt: skip
+def test_a_broken_plugin_is_named_and_left_out(plugin, source, reason):
+    registry = load(plugin("bad", source), plugin("good", tool_source()))
+    assert reason in registry.broken["bad"]
+    assert "extra.Double" in registry.tools
+
+
+def test_a_plugin_that_fails_half_way_leaves_nothing(plugin):
+    source = tool_source() + "    raise RuntimeError('half way')\n"
+    registry = load(plugin("half", source))
+    assert registry.tools == {} and "half way" in registry.broken["half"]
+
+
+def test_printing_at_import_does_not_reach_stdout(plugin, capsys):
+    load(plugin("chatty", "print('hello'); import sys; sys.stdout.write('more')\n" + tool_source()))
+    assert capsys.readouterr().out == ""
+
+
+def test_two_plugins_with_one_name_are_an_error_naming_both(plugin):
+    with pytest.raises(PluginError, match="'one' and 'two'"):
+        load(plugin("one", tool_source()), plugin("two", tool_source()))
+
+
+def test_another_provider_of_a_tool_can_be_chosen(plugin):
+    registry = load(plugin("one", tool_source()), plugin("two", tool_source(options=', provider="gpu"')))
+    assert registry.tool("extra.Double").plugin == "one"
+    registry.choose("extra.*", "gpu")
+    assert registry.tool("extra.Double").plugin == "two"
+    with pytest.raises(UnknownNameError, match="embedded"):
+        registry.choose("extra.Double", "embeded")
+
+
+def test_providers_must_agree_on_the_contract(plugin):
+    with pytest.raises(PluginError, match="disagree"):
+        load(plugin("one", tool_source()), plugin("two", tool_source("int", ', provider="gpu"')))
+
+
+def test_a_near_miss_is_suggested(plugin):
+    with pytest.raises(UnknownNameError, match=r"Did you mean 'extra\.Double'"):
+        load(plugin("good", tool_source())).tool("extra.Doubel")
