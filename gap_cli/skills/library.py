@@ -1,0 +1,120 @@
+"""All skills the plugins offer, by name; the underscore spelling of a name finds the same skill."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gap_cli.contracts.skill import SkillContract
+from gap_cli.errors import DocumentError, PluginError, UnknownNameError
+from gap_cli.skills.bundle import SKILL_MD, SkillBundle, load_bundle
+
+if TYPE_CHECKING:
+    from gap_cli.graph.model import Workflow
+
+MAX_SKILLS = 10_000
+
+
+class SkillLibrary(Mapping[str, SkillBundle]):
+    """Skill name to bundle, sorted by name."""
+
+    def __init__(self, bundles: Iterable[SkillBundle]) -> None:
+        """Raises `PluginError` when two bundles share a name."""
+        self._bundles: dict[str, SkillBundle] = {}
+        for bundle in sorted(bundles, key=lambda b: (b.name, str(b.path))):
+            other = self._bundles.setdefault(bundle.name, bundle)
+            if other is not bundle:
+                raise PluginError(
+                    f"Plugins {other.plugin!r} and {bundle.plugin!r} both bring a skill {bundle.name!r} "
+                    f"({other.path}, {bundle.path}).",
+                    hint="Uninstall one of them or rename one.",
+                )
+
+    def __getitem__(self, name: str) -> SkillBundle:
+        """The skill. Raises `KeyError`; `find` raises an error made for people."""
+        return self._bundles[name.replace("_", "-")]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._bundles)
+
+    def __len__(self) -> int:
+        return len(self._bundles)
+
+    def find(self, name: str) -> SkillBundle:
+        """The skill called `name`. Raises `UnknownNameError` with the nearest one."""
+        try:
+            return self[name]
+        except KeyError:
+            raise UnknownNameError("skill", name, self._bundles) from None
+
+    @property
+    def contracts(self) -> dict[str, SkillContract]:
+        """Skill name to contract."""
+        return {name: bundle.contract for name, bundle in self._bundles.items()}
+
+    def canonical_scripts(self, workflow: Workflow, folder: Path | None = None) -> dict[str, Path]:
+        """The script paths of a workflow that are canonical scripts of its skills, with the trusted file of each.
+
+        A node of subgraph `<sg>` built from a skill uses its canonical script as `scripts/<sg>/<file name>`. With
+        `folder`, a script whose text there was edited is no longer canonical and is left out.
+        """
+        found: dict[str, Path] = {}
+        for name, definition in workflow.subgraphs.items():
+            bundle = self.get(definition.skill)
+            for node in definition.nodes.values() if bundle else ():
+                source = _canonical(bundle, name, node.script)
+                if source and node.script and (folder is None or _same(source, folder / node.script)):
+                    found[node.script] = source
+        return found
+
+
+def load_library(paths: Iterable[tuple[Path, str]]) -> SkillLibrary:
+    """Read every skill below the registered paths; each path is a skill or a directory of skills.
+
+    Raises `DocumentError` for a malformed bundle, `PluginError` for two skills of one name.
+    """
+    bundles: list[SkillBundle] = []
+    for path, plugin in paths:
+        bundles += [load_bundle(p, plugin) for p in _skill_folders(path, plugin)]
+        if len(bundles) > MAX_SKILLS:
+            raise DocumentError(str(path), f"more than {MAX_SKILLS} skills")
+    return SkillLibrary(bundles)
+
+
+def _skill_folders(path: Path, plugin: str) -> list[Path]:
+    if not path.is_dir():
+        raise DocumentError(str(path), f"registered by plugin {plugin!r} as skills, is not a directory")
+    if _looks_like_skill(path):
+        return [path]
+    children = [p for p in sorted(path.iterdir()) if p.name[0] not in "._" and _looks_like_skill(p)]
+    if not children:
+        raise DocumentError(
+            str(path), f"registered by plugin {plugin!r}, holds no skill", hint=f"Looked for {SKILL_MD}."
+        )
+    for child in children:
+        if child.is_symlink():
+            raise DocumentError(str(child), "is a symbolic link", hint="Copy the skill, or register its real folder.")
+    return children
+
+
+def _looks_like_skill(path: Path) -> bool:
+    """Has a SKILL.md in any spelling, or a contract that lost it: left out in silence, either would hide a mistake."""
+    if not path.is_dir():
+        return False
+    return any(p.name.lower() == SKILL_MD.lower() or p.name == "contract.yaml" for p in path.iterdir())
+
+
+def _canonical(bundle: SkillBundle | None, subgraph: str, script: str | None) -> Path | None:
+    prefix = f"scripts/{subgraph}/"
+    if bundle is None or script is None or not script.startswith(prefix):
+        return None
+    name = script.removeprefix(prefix)
+    return next((p for p in bundle.scripts.values() if p.name == name), None)
+
+
+def _same(source: Path, copy: Path) -> bool:
+    try:
+        return source.read_bytes() == copy.read_bytes()
+    except OSError:
+        return False
