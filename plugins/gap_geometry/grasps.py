@@ -94,7 +94,8 @@ def front_grasp_from_obb(
     """A horizontal grasp on a handle, and where to come from.
 
     The approach runs along the horizontal box axis nearest to `approach_hint`, from `approach_offset` [m] in front;
-    the jaws close across the smaller of the two remaining sides. Without a hint the approach points from the arm's base to the box. `slide_axis` is the pull direction.
+    the jaws close across the smaller of the two remaining sides. Without a hint the approach points from the arm's
+    base to the box. `slide_axis` is the pull direction.
     """
     center = obb.center.array
     hint = approach_hint.array if approach_hint else center - ctx.world.arms[0].base_pose.position.array

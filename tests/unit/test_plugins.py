@@ -24,6 +24,8 @@ def gap_register_tools(register):
     register(double)
 """
 
+HOOK = "from gap_cli.hookspecs import hookimpl\n@hookimpl\ndef gap_register_{name}(register): {body}"
+
 
 def tool_source(type="float", options=""):
     return TOOL.format(type=type, options=options)
@@ -59,10 +61,10 @@ def test_a_tool_is_stamped_with_the_plugin_it_came_from(plugin):
         ("raise ValueError('no licence')", "ValueError: no licence"),
         ("import sys; sys.exit(3)", "SystemExit: 3"),
         ("import no_such_module", "ModuleNotFoundError"),
-        ("this is not python", "SyntaxError"),
+        ("def nonsense(", "SyntaxError"),
         ("class Stop(BaseException): pass\nraise Stop", "Stop"),
-        ("from gap_cli.hookspecs import hookimpl\n@hookimpl\ndef gap_register_toolz(register): pass", "misspelled hook"),
-        ("from gap_cli.hookspecs import hookimpl\n@hookimpl\ndef gap_register_tools(register): register(1)", "not a function"),
+        (HOOK.format(name="toolz", body="pass"), "misspelled hook"),
+        (HOOK.format(name="tools", body="register(1)"), "not a function"),
     ],
 )  # fmt: skip
 def test_a_broken_plugin_is_named_and_left_out(plugin, source, reason):
