@@ -107,7 +107,7 @@ def _hints(cls: type) -> dict[str, TypeRef | None]:
 
 
 def _scalar(data: Any, name: str, where: str) -> Any:
-    if name == "float" and isinstance(data, (int, float)) and not isinstance(data, bool):
+    if name == "float" and isinstance(data, (int, float, np.integer, np.floating)) and not isinstance(data, bool):
         if not math.isfinite(data):
             raise BadRequestError("not_finite", f"{where}: {data} is not a finite number")
         return float(data)

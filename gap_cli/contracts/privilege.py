@@ -4,21 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from contextvars import ContextVar
+from contextvars import ContextVar, Token
 
 from gap_cli.contracts.failures import PrivilegedReadError
 
 _running_node: ContextVar[str | None] = ContextVar("running_node", default=None)
 
 
+def enter_node(path: str) -> Token[str | None]:
+    """Mark the current thread of execution as belonging to the policy node `path`; undo it with `leave_node`."""
+    return _running_node.set(path)
+
+
+def leave_node(token: Token[str | None]) -> None:
+    """Undo the `enter_node` that gave `token`."""
+    _running_node.reset(token)
+
+
 @contextmanager
 def node_scope(path: str) -> Iterator[None]:
-    """Mark the current thread of execution as belonging to the policy node `path`."""
-    token = _running_node.set(path)
+    """`enter_node` and `leave_node` around a block."""
+    token = enter_node(path)
     try:
         yield
     finally:
-        _running_node.reset(token)
+        leave_node(token)
 
 
 def current_node() -> str | None:
