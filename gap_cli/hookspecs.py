@@ -55,7 +55,7 @@ def gap_register_policies(register: Register) -> None:
 
 @hookspec
 def gap_register_engines(register: Register) -> None:
-    """register(name, factory): where rehearsals run; factory(workers) -> Engine."""
+    """register(name, factory): where rehearsals run; factory(workers) -> `contracts.engine.Engine`."""
 
 
 @hookspec
