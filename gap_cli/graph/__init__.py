@@ -1,0 +1,1 @@
+"""The graph language: workflow v3, its builder, its rules, and the interpreter."""
