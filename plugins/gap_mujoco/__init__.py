@@ -1,1 +1,25 @@
-"""To be written."""
+"""The MuJoCo world and the simulator's own tools. Importing this loads no simulator."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+from gap_cli.contracts.robot import RobotSpec
+from gap_cli.contracts.task import Task
+from gap_cli.hookspecs import Register, hookimpl
+
+# Left to itself `import mujoco` loads GLFW, which warns on every machine without a screen; gap_mujoco.gl draws.
+os.environ.setdefault("MUJOCO_GL", "off")
+
+
+@hookimpl
+def gap_register_worlds(register: Register) -> None:
+    register("mujoco", _world)
+
+
+def _world(task: Task, scene: str, robots: Mapping[str, RobotSpec]) -> Any:
+    from gap_mujoco.world import MujocoWorld
+
+    return MujocoWorld(task, scene, robots)

@@ -1,0 +1,98 @@
+"""What a task's object models look like: each rendered alone, from known views, with its mask. No scene, no poses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from gap_cli.contracts.task import ObjectModel
+from gap_cli.contracts.types import Array, CameraObservation, Mask
+from gap_mujoco.camera import OPTICAL, Renderer, observe
+from gap_mujoco.compiled import compile_model, new_root
+from gap_mujoco.props import build_object, cavity, collision_parts
+
+__all__ = ["ModelView", "build_object", "cavity", "collision_parts", "render_views"]
+
+_FOVY = 30.0
+_FILL = 0.7  # share of the picture's height the object's longest diagonal takes
+
+
+@dataclass(frozen=True)
+class ModelView:
+    """One picture of one model, which stands at the world's origin turned by `yaw_deg` about z.
+
+    The camera is `elevation_deg` above the horizon (90: straight down), on the -x side, at `distance` [m].
+    """
+
+    name: str
+    yaw_deg: float
+    elevation_deg: float
+    distance: float
+    observation: CameraObservation
+    mask: Mask
+
+
+def render_views(
+    objects: Mapping[str, ObjectModel],
+    *,
+    yaws_deg: Sequence[float] = (0, 45, 90, 135, 180, 225, 270, 315),
+    elevations_deg: Sequence[float] = (35, 60, 89.9),
+    distance: float | None = None,
+    resolution: tuple[int, int] = (160, 160),
+) -> list[ModelView]:
+    """Render each model alone under the world's own light, in a fixed order: by object, elevation, yaw.
+
+    `distance` [m] is from camera to object centre; None fits each object to the picture. The background is black and
+    at depth 0. Takes about 3 ms a view plus 40 ms a model. Raises `GraphicsError`, `DocumentError`.
+    """
+    return [
+        view
+        for name, model in objects.items()
+        for view in _views_of(name, model, yaws_deg, elevations_deg, distance, resolution)
+    ]
+
+
+def _views_of(
+    name: str,
+    model: ObjectModel,
+    yaws_deg: Sequence[float],
+    elevations_deg: Sequence[float],
+    distance: float | None,
+    resolution: tuple[int, int],
+) -> Iterator[ModelView]:
+    root = new_root("views", resolution)
+    for direction in ((-0.5, 0.5, -1), (-0.5, -0.5, -1)):
+        root.worldbody.add("light", directional=True, castshadow=False, dir=direction, diffuse=(0.3, 0.3, 0.3))
+    site = root.worldbody.add("site", name="stand")
+    site.attach(build_object(name, model)).add("freejoint", name="free")
+    root.worldbody.add("camera", name="camera", mode="fixed", fovy=_FOVY)
+    compiled = compile_model(root)
+    data = mujoco.MjData(compiled)
+    far = distance or float(np.linalg.norm(model.shape.size)) / 2 / np.tan(np.radians(_FOVY * _FILL) / 2)
+    renderer = Renderer(compiled, resolution)
+    try:
+        for elevation in elevations_deg:
+            position, rotation = _look_at_origin(elevation, far)
+            compiled.cam_pos[0] = position
+            mujoco.mju_mat2Quat(compiled.cam_quat[0], rotation.ravel())
+            for yaw in yaws_deg:
+                half = np.radians(yaw) / 2
+                data.qpos[:] = (0, 0, 0, np.cos(half), 0, 0, np.sin(half))
+                mujoco.mj_forward(compiled, data)
+                frame = observe(renderer, data, "camera", resolution, _FOVY, f"{name}@{yaw:g},{elevation:g}")
+                yield ModelView(name, yaw, elevation, far, frame, Mask(frame.depth.data > 0))
+    finally:
+        renderer.close()
+
+
+def _look_at_origin(elevation_deg: float, distance: float) -> tuple[Array, Array]:
+    """Position and rotation (MuJoCo camera axes) of a camera on the -x side looking at the origin, image top up."""
+    e = np.radians(elevation_deg)
+    position = distance * np.array([-np.cos(e), 0.0, np.sin(e)])
+    forward = -position / distance
+    right = np.array([0.0, -1.0, 0.0])
+    down = np.cross(forward, right)
+    return position, np.column_stack([right, down, forward]) @ OPTICAL
