@@ -9,10 +9,15 @@ from dataclasses import dataclass
 MAX_SOURCE = 256_000
 MAX_NODES = 50_000
 MAX_DEPTH = 100
-_IO = frozenset(
-    ("open", "input", "print", "exec", "eval", "compile", "__import__", "breakpoint", "help", "exit", "quit")
-    + ("globals", "locals", "vars", "getattr", "setattr", "delattr", "memoryview")
-)
+_IO = {
+    "open", "input", "print", "exec", "eval", "compile", "__import__", "breakpoint", "help", "exit", "quit",
+    "globals", "locals", "vars", "getattr", "setattr", "delattr", "memoryview",
+}  # fmt: skip
+_SCRIPT_MODULES = {
+    "__future__", "collections", "collections.abc", "dataclasses", "enum", "functools", "itertools", "math", "operator",
+    "statistics", "typing", "numpy", "numpy.linalg", "numpy.random", "numpy.fft", "numpy.typing",
+    "scipy.spatial.transform",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -24,7 +29,7 @@ class Dialect:
     modules: frozenset[str]
     packages: tuple[str, ...] = ()
     private: bool = False
-    calls: frozenset[str] = _IO
+    calls: frozenset[str] = frozenset(_IO)
 
 
 BUILDER = Dialect(
@@ -32,14 +37,10 @@ BUILDER = Dialect(
 )
 SCRIPT = Dialect(
     "a script",
-    frozenset(
-        ("__future__", "collections", "collections.abc", "dataclasses", "enum", "functools", "itertools", "math")
-        + ("operator", "statistics", "typing", "numpy", "numpy.linalg", "numpy.random", "numpy.fft", "numpy.typing")
-        + ("scipy.spatial.transform",)
-    ),
+    frozenset(_SCRIPT_MODULES),
     packages=("gap_cli.contracts",),
     private=True,
-    calls=_IO - {"print", "getattr"},
+    calls=frozenset(_IO - {"print", "getattr"}),
 )
 
 

@@ -22,9 +22,7 @@ from gap_cli.sandbox.frames import Pipes
 START_S = 60.0
 ANSWER_S = 20.0
 UNSAFE = "--unsafe-no-sandbox"
-_BOOT = (
-    "import sys; sys.path[:] = {path!r}; from gap_cli.sandbox.zygote import main; main({fd}, {worker!r}, {machine!r})"
-)
+_BOOT = "import sys; sys.path[:] = {path!r}; from gap_cli.sandbox.zygote import main; main({arguments})"
 # Single-threaded BLAS: a forked child has no other threads and may make none. A fixed hash seed: sets iterate alike.
 _ENVIRONMENT = {
     "LC_ALL": "C.UTF-8",
@@ -118,7 +116,8 @@ class ForkServer:
         if self._control is not None:
             return self._control
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        code = _BOOT.format(path=sys.path, fd=theirs.fileno(), worker=self._worker, machine=self._machine)
+        arguments = f"{theirs.fileno()}, {self._worker!r}, {self._machine!r}"
+        code = _BOOT.format(path=sys.path, arguments=arguments)
         self._process = subprocess.Popen(
             [sys.executable, "-s", "-P", "-W", "ignore", "-c", code],
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,

@@ -1,8 +1,8 @@
 """The fork server: a small process that has everything imported, and forks one jailed child per job.
 
-It speaks one JSON message per packet over a Unix socket: `spawn` (with two descriptors) gives a pid; `finish` kills that
-child's whole group and reaps it, so that no pid is ever signalled after it was reused. When the host goes away, so do
-all children and the server.
+It speaks one JSON message per packet over a Unix socket: `spawn` (with two descriptors) gives a pid; `finish` kills
+that child's whole group and reaps it, so that no pid is ever signalled after it was reused. When the host goes away, so
+do all children and the server.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ def _kill(pid: int) -> int:
 
 
 def main(control_fd: int, worker: str, machine: str) -> None:
-    """Become a fork server for the module `worker`, whose `main()` is the work of a child. Runs until the host is gone."""
+    """Become a fork server for the module `worker`, whose `main()` is a child's work, until the host is gone."""
     control = socket.socket(fileno=control_fd)
     _settle()
     try:
