@@ -7,142 +7,30 @@ Arrays are made read-only on construction, so a value handed to two parallel bra
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Annotated, Any, Self
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
-Array = NDArray[Any]
+from gap_cli.contracts.geometry import (
+    BASE,
+    CAMERA,
+    WORLD,
+    BoundingBox2D,
+    Frame,
+    OrientedBoundingBox,
+    Quaternion,
+    Se3Pose,
+    Vec3,
+)
+from gap_cli.contracts.value import Array, Value, frozen
 
-
-@dataclass(frozen=True)
-class Frame:
-    """Annotation marker: the frame a value is expressed in, as in `Annotated[PointCloud, WORLD]`."""
-
-    name: str
-
-
-WORLD = Frame("world")
-CAMERA = Frame("camera")
-BASE = Frame("base")
-
-
-def _frozen(value: ArrayLike, dtype: Any, shape: tuple[int | None, ...], what: str) -> Array:
-    array = np.asarray(value, dtype=dtype)
-    if array.ndim != len(shape) or any(w is not None and w != h for w, h in zip(shape, array.shape, strict=False)):
-        want = "x".join("N" if s is None else str(s) for s in shape)
-        raise ValueError(f"{what} must have shape {want}, got {'x'.join(map(str, array.shape)) or 'a scalar'}")
-    if array.flags.writeable:
-        array = array.copy() if array.base is not None or array is value else array
-        array.flags.writeable = False
-    return array
-
-
-class Value:
-    """Base of all contract types; equality compares arrays element-wise."""
-
-    def __eq__(self, other: object) -> bool:
-        if type(self) is not type(other):
-            return NotImplemented
-        return all(_same(getattr(self, f.name), getattr(other, f.name)) for f in fields(self))  # type: ignore[arg-type]
-
-    __hash__ = None  # type: ignore[assignment]
-
-
-def _same(a: Any, b: Any) -> bool:
-    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
-        return a is not None and b is not None and np.array_equal(a, b, equal_nan=True)
-    return bool(a == b)
-
-
-@dataclass(frozen=True, eq=False)
-class Vec3(Value):
-    """A point or a direction [m]."""
-
-    x: float
-    y: float
-    z: float
-
-    @classmethod
-    def of(cls, v: ArrayLike) -> Self:
-        """From any 3-sequence."""
-        x, y, z = np.asarray(v, dtype=float).reshape(3)
-        return cls(float(x), float(y), float(z))
-
-    @property
-    def array(self) -> Array:
-        """Shape (3,)."""
-        return np.array([self.x, self.y, self.z])
-
-
-@dataclass(frozen=True, eq=False)
-class Quaternion(Value):
-    """A rotation as a unit quaternion, scalar first."""
-
-    w: float
-    x: float
-    y: float
-    z: float
-
-    @classmethod
-    def of(cls, rotation: Rotation) -> Self:
-        """From a scipy rotation, with w >= 0 so that equal rotations are equal values."""
-        x, y, z, w = (float(v) for v in rotation.as_quat(canonical=True))
-        return cls(w, x, y, z)
-
-    @property
-    def rotation(self) -> Rotation:
-        """As a scipy rotation."""
-        return Rotation.from_quat([self.x, self.y, self.z, self.w])
-
-
-@dataclass(frozen=True, eq=False)
-class Se3Pose(Value):
-    """A rigid transform T_frame_body: `position` [m] and `rotation` of the body in the frame."""
-
-    position: Vec3
-    rotation: Quaternion
-
-    @classmethod
-    def of(cls, T: ArrayLike) -> Self:
-        """From a homogeneous matrix, shape (4, 4)."""
-        M = np.asarray(T, dtype=float).reshape(4, 4)
-        return cls(Vec3.of(M[:3, 3]), Quaternion.of(Rotation.from_matrix(M[:3, :3])))
-
-    @property
-    def matrix(self) -> Array:
-        """Homogeneous matrix, shape (4, 4)."""
-        T = np.eye(4)
-        T[:3, :3] = self.rotation.rotation.as_matrix()
-        T[:3, 3] = self.position.array
-        return T
-
-
-@dataclass(frozen=True, eq=False)
-class OrientedBoundingBox(Value):
-    """A box: `center`, `extent` = half-extents along its own axes [m], `orientation` of those axes."""
-
-    center: Vec3
-    extent: Vec3
-    orientation: Quaternion
-
-    @property
-    def corners(self) -> Array:
-        """The eight corners in the box's frame of reference, shape (8, 3) [m]."""
-        signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], dtype=float)
-        return np.asarray(self.orientation.rotation.apply(signs * self.extent.array) + self.center.array)
-
-
-@dataclass(frozen=True, eq=False)
-class BoundingBox2D(Value):
-    """Pixel rectangle, x to the right, y down; max is exclusive."""
-
-    x_min: float
-    y_min: float
-    x_max: float
-    y_max: float
+__all__ = [
+    "BASE", "CAMERA", "CONTRACT_TYPES", "SCALAR_TYPES", "WORLD", "ArmState", "Array", "BoundingBox2D",
+    "CameraObservation", "DepthImage", "Detection", "Frame", "Grasp", "GripperState", "Image", "JointState", "Mask",
+    "Matrix3x3", "ObjectMask", "ObjectPose", "Observation", "Obstacle", "OrientedBoundingBox", "PointCloud",
+    "Quaternion", "Se3Pose", "Trajectory", "Value", "Vec3", "WorldConfig",
+]  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +49,7 @@ class Image(Value):
     data: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "data", _frozen(self.data, np.uint8, (None, None, 3), "Image.data"))
+        object.__setattr__(self, "data", frozen(self.data, np.uint8, (None, None, 3), "Image.data"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +59,7 @@ class DepthImage(Value):
     data: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "data", _frozen(self.data, np.float32, (None, None), "DepthImage.data"))
+        object.__setattr__(self, "data", frozen(self.data, np.float32, (None, None), "DepthImage.data"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +69,7 @@ class Mask(Value):
     data: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "data", _frozen(self.data, np.bool_, (None, None), "Mask.data"))
+        object.__setattr__(self, "data", frozen(self.data, np.bool_, (None, None), "Mask.data"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,9 +80,9 @@ class PointCloud(Value):
     colors: Array | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "points", _frozen(self.points, np.float64, (None, 3), "PointCloud.points"))
+        object.__setattr__(self, "points", frozen(self.points, np.float64, (None, 3), "PointCloud.points"))
         if self.colors is not None:
-            object.__setattr__(self, "colors", _frozen(self.colors, np.uint8, (None, 3), "PointCloud.colors"))
+            object.__setattr__(self, "colors", frozen(self.colors, np.uint8, (None, 3), "PointCloud.colors"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,7 +92,7 @@ class Matrix3x3(Value):
     data: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "data", _frozen(self.data, np.float64, (3, 3), "Matrix3x3.data"))
+        object.__setattr__(self, "data", frozen(self.data, np.float64, (3, 3), "Matrix3x3.data"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +118,7 @@ class JointState(Value):
     def __post_init__(self) -> None:
         for name in ("positions", "velocities", "efforts"):
             if getattr(self, name) is not None:
-                object.__setattr__(self, name, _frozen(getattr(self, name), np.float64, (None,), f"JointState.{name}"))
+                object.__setattr__(self, name, frozen(getattr(self, name), np.float64, (None,), f"JointState.{name}"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,11 +130,11 @@ class Trajectory(Value):
     velocities: Array | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "times", _frozen(self.times, np.float64, (None,), "Trajectory.times"))
+        object.__setattr__(self, "times", frozen(self.times, np.float64, (None,), "Trajectory.times"))
         shape = (len(self.times), None)
-        object.__setattr__(self, "positions", _frozen(self.positions, np.float64, shape, "Trajectory.positions"))
+        object.__setattr__(self, "positions", frozen(self.positions, np.float64, shape, "Trajectory.positions"))
         if self.velocities is not None:
-            object.__setattr__(self, "velocities", _frozen(self.velocities, np.float64, shape, "Trajectory.velocities"))
+            object.__setattr__(self, "velocities", frozen(self.velocities, np.float64, shape, "Trajectory.velocities"))
 
     @property
     def duration(self) -> float:
@@ -292,7 +180,7 @@ class Obstacle(Value):
 
     def __post_init__(self) -> None:
         if self.points is not None:
-            object.__setattr__(self, "points", _frozen(self.points, np.float64, (None, 3), "Obstacle.points"))
+            object.__setattr__(self, "points", frozen(self.points, np.float64, (None, 3), "Obstacle.points"))
 
 
 @dataclass(frozen=True, eq=False)

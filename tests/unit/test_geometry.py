@@ -163,7 +163,6 @@ def test_distance_ignores_height():
         (lambda: clouds.pixel_to_world_point.function(64, 0, depth_image(), K, IDENTITY), BadRequestError),
         (lambda: clouds.pixel_to_world_point.function(0, 0, depth_image(np.nan), K, IDENTITY), PerceptionError),
         (lambda: clouds.depth_to_point_cloud.function(depth_image(), Matrix3x3(np.zeros((3, 3)))), BadRequestError),
-        (lambda: grasps.rotate_quat_z90.function(Quaternion(1, 1, 0, 0)), BadRequestError),
         (lambda: grasps.select_top_down_grasp.function([], Vec3(0, 0, 0)), BadRequestError),
         (lambda: placement.compute_drop_position.function(None, float("nan")), BadRequestError),
     ],
