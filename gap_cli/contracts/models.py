@@ -29,7 +29,7 @@ def _document_error(model: type[BaseModel], error: ValidationError, where: str) 
     path = ".".join(str(p) for p in first["loc"]) or "the document"
     hint = ""
     if first["type"] == "extra_forbidden":
-        hint = did_you_mean(str(first["loc"][-1]), _fields_at(model, first["loc"][:-1]))
+        hint = did_you_mean(str(first["loc"][-1]), fields_at(model, first["loc"][:-1]))
         text = "is not a known key"
     else:
         text = first["msg"].removeprefix("Value error, ")
@@ -37,11 +37,13 @@ def _document_error(model: type[BaseModel], error: ValidationError, where: str) 
     return DocumentError(where, f"{path}: {text}{more}", hint=hint)
 
 
-def _fields_at(model: Any, loc: tuple[Any, ...]) -> list[str]:
+def fields_at(model: Any, loc: tuple[Any, ...]) -> list[str]:
     """Field names of the model reached by walking `loc`; empty where the walk leaves models."""
     for step in loc:
         info = getattr(model, "model_fields", {}).get(step)
-        candidates = [info.annotation] if info else list(getattr(model, "__args__", ()))
+        if info is None:  # a key of a mapping or an index of a list, whose model is found already
+            continue
+        candidates = [info.annotation]
         model = next((c for c in _flatten(candidates) if isinstance(c, type) and issubclass(c, BaseModel)), None)
         if model is None:
             return []

@@ -1,4 +1,4 @@
-"""What a graph may refer to: tools, skills, scripts, objects and checkpoints, with every callable under one signature."""
+"""What a graph may refer to: tools, skills, scripts, objects and checkpoints; every callable under one signature."""
 
 from __future__ import annotations
 

@@ -12,9 +12,7 @@ SLOT = "name"  # the key of `names` that fills NAME_SLOT
 parse_type = lru_cache(maxsize=1024)(TypeRef.parse)
 
 
-def contract_names(
-    contract: SkillContract, names: Mapping[str, str]
-) -> tuple[dict[str, TypeRef], dict[str, TypeRef]]:
+def contract_names(contract: SkillContract, names: Mapping[str, str]) -> tuple[dict[str, TypeRef], dict[str, TypeRef]]:
     """The contract's inputs and outputs with their types, spelled as `names` says."""
     return (
         {substitute(n, names): parse_type(t) for n, t in contract.inputs.items()},
