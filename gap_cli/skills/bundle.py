@@ -11,6 +11,7 @@ from pathlib import Path
 from gap_cli.contracts.documents import parse_yaml, read_text
 from gap_cli.contracts.failures import DocumentError
 from gap_cli.contracts.skill import SkillContract, check_relative
+from gap_cli.skills.facts import meaning
 from gap_cli.skills.frontmatter import parse_skill_md
 
 SKILL_MD = "SKILL.md"
@@ -60,6 +61,10 @@ def load_bundle(path: Path, plugin: str = "") -> SkillBundle:
     file = _contract_path(path, head.metadata, where)
     contract = SkillContract.load(parse_yaml(read_text(file), str(file)), str(file))
     at = str(file)
+    try:
+        meaning(contract)
+    except ValueError as error:
+        raise DocumentError(at, str(error)) from None
 
     def group(paths: Mapping[str, str]) -> dict[str, Path]:
         return {logical: _text_file(path, relative, at) for logical, relative in paths.items()}

@@ -181,6 +181,19 @@ def test_a_bad_contract_names_its_key(skill):
         load_bundle(skill)
 
 
+@pytest.mark.parametrize("fact", ["full target", "full(target", "full(cup)", "Full(target)"])
+def test_a_malformed_fact_is_refused(skill, fact):
+    (skill / "contract.yaml").write_text(CONTRACT.replace("full(target)", f'"{fact}"'))
+    with pytest.raises(DocumentError, match=r"contract\.yaml.*full|contract\.yaml.*Full"):
+        load_bundle(skill)
+
+
+def test_a_need_cannot_be_negative(skill):
+    (skill / "contract.yaml").write_text(CONTRACT.replace("[hand_empty]", '["-hand_empty"]'))
+    with pytest.raises(DocumentError, match="only facts that hold"):
+        load_bundle(skill)
+
+
 def test_library_finds_both_spellings(skill):
     library = load_library([(skill.parent, "cups")])
     assert list(library) == ["pour-cup"]
