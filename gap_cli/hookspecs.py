@@ -61,3 +61,9 @@ def gap_register_engines(register: Register) -> None:
 @hookspec
 def gap_register_benchmarks(register: Register) -> None:
     """register(name, function): a benchmark `gap bench` can run."""
+
+
+@hookspec
+def gap_register_checks(register: Register) -> None:
+    """register(name, function): what `gap doctor` asks of this machine, in a process of its own; function() returns a
+    line saying what it found, or raises `GapError` with what to install."""

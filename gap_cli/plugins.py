@@ -23,6 +23,7 @@ from gap_cli.errors import GapError, PluginError, UnknownNameError
 
 GROUP = "gap"
 FIRST_PARTY = ("gap_mujoco", "gap_robots", "gap_motion", "gap_perception", "gap_geometry", "gap_tasks", "morsl")
+ENTRY_KINDS = ("worlds", "robots", "authors", "policies", "engines", "benchmarks", "checks")
 log = logging.getLogger(__name__)
 
 
@@ -60,6 +61,7 @@ class Registry:
     policies: dict[str, Entry] = field(default_factory=dict)
     engines: dict[str, Entry] = field(default_factory=dict)
     benchmarks: dict[str, Entry] = field(default_factory=dict)
+    checks: dict[str, Entry] = field(default_factory=dict)
 
     @property
     def tools(self) -> dict[str, Tool]:
@@ -171,7 +173,7 @@ def _register(registry: Registry, plugin: Plugin) -> None:
     scratch = Registry()
     with contextlib.redirect_stdout(io.StringIO()):
         manager.hook.gap_register_tools(register=lambda tool: _add_tool(scratch, tool, plugin.name))
-        for kind in ("worlds", "robots", "authors", "policies", "engines", "benchmarks"):
+        for kind in ENTRY_KINDS:
             hook = getattr(manager.hook, f"gap_register_{kind}")
             hook(register=lambda *a, kind=kind: _add_entry(getattr(scratch, kind), kind[:-1], a, plugin.name))
         manager.hook.gap_register_skills(register=lambda path: scratch.skill_paths.append((Path(path), plugin.name)))
@@ -199,7 +201,7 @@ def _merge(registry: Registry, new: Registry, plugin: Plugin) -> None:
     for name, by_provider in new.providers.items():
         for provider, tool in by_provider.items():
             _merge_tool(registry.providers.setdefault(name, {}), provider, tool)
-    for kind in ("worlds", "robots", "authors", "policies", "engines", "benchmarks"):
+    for kind in ENTRY_KINDS:
         ours, theirs = getattr(registry, kind), getattr(new, kind)
         for name, entry in theirs.items():
             if name in ours:

@@ -15,6 +15,11 @@ os.environ.setdefault("MUJOCO_GL", "off")
 
 
 @hookimpl
+def gap_register_checks(register: Register) -> None:
+    register("rendering", _rendering)
+
+
+@hookimpl
 def gap_register_worlds(register: Register) -> None:
     register("mujoco", _world)
 
@@ -23,3 +28,9 @@ def _world(task: Task, scene: str, robots: Mapping[str, RobotSpec]) -> Any:
     from gap_mujoco.world import MujocoWorld
 
     return MujocoWorld(task, scene, robots)
+
+
+def _rendering() -> str:
+    from gap_mujoco.gl import probe
+
+    return f"software OpenGL by {probe()}"
