@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import importlib
 import os
 import sys
+import weakref
 from functools import cache
 from typing import Any
 
@@ -44,9 +46,17 @@ def make_context(width: int, height: int) -> Any:
     try:
         context = _context_class(name)(width, height)
         context.make_current()
-        return context
     except Exception as error:
         raise GraphicsError(f"The {name} OpenGL refused a {width}x{height} context: {error}", hint=INSTALL) from error
+    atexit.register(_abandon, weakref.ref(context))
+    return context
+
+
+def _abandon(context: weakref.ref[Any]) -> None:
+    """At exit the display closes before the contexts do, and freeing one then raises."""
+    alive = context()
+    if alive is not None:
+        alive._context = None
 
 
 def _candidates() -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from gap_mujoco.props import build_object, cavity, collision_parts
 __all__ = ["ModelView", "build_object", "cavity", "collision_parts", "render_views"]
 
 _FOVY = 30.0
+_LIGHTS = ((-1.0, 1.0, 2.0), (-1.0, -1.0, 2.0))
 _FILL = 0.7  # share of the picture's height the object's longest diagonal takes
 
 
@@ -63,11 +64,8 @@ def _views_of(
     distance: float | None,
     resolution: tuple[int, int],
 ) -> Iterator[ModelView]:
-    root = new_root("views", resolution)
-    for direction in ((-0.5, 0.5, -1), (-0.5, -0.5, -1)):
-        root.worldbody.add("light", directional=True, castshadow=False, dir=direction, diffuse=(0.3, 0.3, 0.3))
-    site = root.worldbody.add("site", name="stand")
-    site.attach(build_object(name, model)).add("freejoint", name="free")
+    root = new_root("views", resolution, _LIGHTS)
+    root.attach(build_object(name, model)).add("freejoint")
     root.worldbody.add("camera", name="camera", mode="fixed", fovy=_FOVY)
     compiled = compile_model(root)
     data = mujoco.MjData(compiled)

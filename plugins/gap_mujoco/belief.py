@@ -1,0 +1,107 @@
+"""Draws instances from a task's belief: composer variations per region, rejected until objects fit and are in reach."""
+
+from __future__ import annotations
+
+import zlib
+from collections import Counter
+from collections.abc import Mapping
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from dm_control.composer import variation
+from dm_control.composer.variation import distributions
+from scipy.spatial.transform import Rotation
+
+from gap_cli.contracts.failures import TaskInfeasibleError
+from gap_cli.contracts.robot import RobotSpec
+from gap_cli.contracts.task import Distribution, Placement, Task
+from gap_cli.contracts.types import Array, Quaternion, Se3Pose, Vec3
+from gap_cli.contracts.world import Instance
+from gap_mujoco.footprint import footprint, gap
+
+Draw = dict[str, tuple[Array, float]]  # by object: xy in the world [m], yaw [rad]
+
+
+def as_variation(distribution: Distribution) -> Any:
+    """The composer variation (or constant) a distribution of task.yaml stands for."""
+    if distribution.uniform is not None:
+        low, high = (np.asarray(v, float) for v in distribution.uniform)
+        return distributions.Uniform(low, high)
+    if distribution.normal is not None:
+        mean, spread = (np.asarray(v, float) for v in distribution.normal)
+        return distributions.Normal(mean, spread)
+    if distribution.choice is not None:
+        return distributions.UniformChoice(np.asarray(distribution.choice, float))
+    return np.asarray(distribution.constant, float)
+
+
+class Belief:
+    """Samples one scene of a task."""
+
+    def __init__(self, task: Task, scene: str, robots: Mapping[str, RobotSpec]) -> None:
+        self._task, self._scene = task, scene
+        self._models = task.scene_objects(scene)
+        self._regions: dict[str, Placement] = {n: task.belief.regions[r] for n, r in task.scenes[scene].items()}
+        self._variations = {
+            name: {"offset": as_variation(p.offset), "yaw_deg": as_variation(p.yaw_deg)}
+            for name, p in self._regions.items()
+        }
+        self._reach = [(np.array(p.position[:2]), robots[p.model].reach) for p in task.robots]
+
+    def sample(self, seed: int) -> Instance:
+        """The instance of this seed; always the same. Raises `TaskInfeasibleError` after `belief.attempts` draws."""
+        # Named scenes draw independently, so that no scene is another one's shadow.
+        entropy = np.random.SeedSequence([seed, zlib.crc32(self._scene.encode())])
+        random = np.random.RandomState(np.random.MT19937(entropy))
+        objections: Counter[str] = Counter()
+        for _ in range(self._task.belief.attempts):
+            draw = self._draw(random)
+            found = self._objections(draw)
+            if not found:
+                return Instance(seed, self._scene, {name: self._pose(name, *draw[name]) for name in draw}, self._joints)
+            objections.update(found)
+        raise self._infeasible(objections)
+
+    @property
+    def _joints(self) -> dict[str, float]:
+        return {name: joint.initial for name, joint in self._task.joints.items()}
+
+    def _draw(self, random: np.random.RandomState) -> Draw:
+        drawn = variation.evaluate(self._variations, random_state=random)
+        return {
+            name: (np.array(self._regions[name].center) + value["offset"], float(np.radians(value["yaw_deg"])))
+            for name, value in drawn.items()
+        }
+
+    def _objections(self, draw: Draw) -> list[str]:
+        """Why this draw cannot be used; empty when it can."""
+        found = []
+        prints = {name: footprint(self._models[name].shape, *draw[name]) for name in draw}
+        for name, (corners, radius) in prints.items():
+            where = f"{self._region_name(name)} cannot hold {name}"
+            support = self._task.environment.supports[self._regions[name].support]
+            beyond = np.abs(corners - support.center) + radius - support.half_size
+            if beyond.max() > 0:
+                found.append(f"{where} on its support {self._regions[name].support}")
+            if not any(np.linalg.norm(draw[name][0] - base) <= reach for base, reach in self._reach):
+                found.append(f"{where} within reach of the robot")
+        for a, b in combinations(prints, 2):
+            if gap(prints[a], prints[b]) < self._task.belief.clearance:
+                found.append(f"{self._region_name(a)} cannot hold {a} clear of {b} in {self._region_name(b)}")
+        return found
+
+    def _pose(self, name: str, xy: Array, yaw: float) -> Se3Pose:
+        z = self._task.environment.supports[self._regions[name].support].z + self._models[name].shape.size[2] / 2
+        return Se3Pose(Vec3(float(xy[0]), float(xy[1]), z), Quaternion.of(Rotation.from_euler("z", yaw)))
+
+    def _region_name(self, name: str) -> str:
+        return f"region {self._task.scenes[self._scene][name]}"
+
+    def _infeasible(self, objections: Counter[str]) -> TaskInfeasibleError:
+        attempts = self._task.belief.attempts
+        worst = "; ".join(f"{why} ({count} of {attempts} draws)" for why, count in objections.most_common(3))
+        return TaskInfeasibleError(
+            f"Scene {self._scene!r}: no placement found in {attempts} draws: {worst}.",
+            hint="Move or widen these regions, lower belief.clearance, or raise belief.attempts.",
+        )

@@ -1,0 +1,93 @@
+"""Physics, one guarded step at a time: what blows up, resets itself or runs backwards voids the episode."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Protocol
+
+import mujoco
+import numpy as np
+
+from gap_cli.contracts.failures import SimulationDivergedError
+from gap_mujoco.compiled import TIMESTEP
+from gap_mujoco.scene import Scene
+
+_LOOK_EVERY = 10  # steps between reads of the warning counters
+_MAX_SPEED = 100.0  # m/s or rad/s: nothing in a cell moves faster and is still physics
+
+
+class Controller(Protocol):
+    """Something that drives actuators."""
+
+    def drive(self) -> None:
+        """Write this step's controls."""
+
+    def rest(self) -> None:
+        """Forget all commands and hold where the joints are now."""
+
+
+class Physics:
+    """State and clock of a compiled cell. `observers` are called after every step and must not change anything."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.model, self.data = scene.model, mujoco.MjData(scene.model)
+        self.controllers: Sequence[Controller] = ()
+        self.observers: list[Callable[[], None]] = []
+        self._steps = 0
+
+    @property
+    def time(self) -> float:
+        """[s] since reset."""
+        return float(self.data.time)
+
+    def clear(self) -> None:
+        """Back to the model's initial state, at time zero."""
+        mujoco.mj_resetData(self.model, self.data)
+        self._steps = 0
+
+    def forward(self) -> None:
+        """Make positions, contacts and sensors agree with the joints, without moving time."""
+        mujoco.mj_forward(self.model, self.data)
+
+    def start_clock(self) -> None:
+        """Call this instant time zero."""
+        self.data.time = 0.0
+
+    def step(self) -> None:
+        """One time step. Raises `SimulationDivergedError`."""
+        for controller in self.controllers:
+            controller.drive()
+        before = self.data.time
+        mujoco.mj_step(self.model, self.data)
+        if not before < self.data.time < before + 2 * TIMESTEP:
+            raise SimulationDivergedError(f"Simulated time jumped from {before:.3f} s to {self.data.time:.3f} s.")
+        self._steps += 1
+        if self._steps % _LOOK_EVERY == 0:
+            self.check()
+        for observer in tuple(self.observers):
+            observer()
+
+    def run(self, seconds: float) -> None:
+        """Let `seconds` of world time pass, in whole steps."""
+        for _ in range(round(seconds / TIMESTEP)):
+            self.step()
+
+    @contextmanager
+    def unobserved(self) -> Iterator[None]:
+        """Steps in here are no part of an episode: nobody is told of them."""
+        observers, self.observers = self.observers, []
+        try:
+            yield
+        finally:
+            self.observers = observers
+
+    def check(self) -> None:
+        """Raise `SimulationDivergedError` when the state is no longer physics."""
+        raised = np.flatnonzero(self.data.warning.number)
+        if raised.size:
+            names = ", ".join(mujoco.mjtWarning(int(i)).name.removeprefix("mjWARN_") for i in raised)
+            raise SimulationDivergedError(f"The simulation warned of {names} before {self.time:.3f} s.")
+        speed = np.abs(self.data.qvel).max(initial=0.0)
+        if not speed < _MAX_SPEED or not np.isfinite(self.data.qpos).all():
+            raise SimulationDivergedError(f"Something moves at {speed:.0f} m/s or rad/s at {self.time:.3f} s.")

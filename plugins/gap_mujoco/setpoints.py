@@ -1,0 +1,98 @@
+"""Checks a commanded trajectory whole before anything moves, and turns it into one set-point per time step."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from gap_cli.contracts.failures import MotionError
+from gap_cli.contracts.robot import RobotSpec
+from gap_cli.contracts.types import Array, Trajectory
+from gap_mujoco.compiled import TIMESTEP
+
+START_TOLERANCE = 0.02  # [rad] between a trajectory's start and the arm
+SLACK = 1e-3  # relative: what rounding and cubic interpolation may add to a planned limit
+POSITION_SLACK = 1e-4  # [rad]
+MAX_DURATION = 120.0  # [s]
+BLEND = 0.1  # [s] over which a small mismatch at the start is taken out
+
+
+class Setpoints(NamedTuple):
+    """One row per time step: joint positions [rad] and velocities [rad/s], shape (T, n)."""
+
+    positions: Array
+    velocities: Array
+
+
+def setpoints(trajectory: Trajectory, spec: RobotSpec, measured: Array, commanded: Array) -> Setpoints:
+    """Set-points that lead smoothly from the `commanded` joints into the trajectory, on to its last point.
+
+    Cubic between points where velocities are given, else linear. Raises `MotionError` code `refused` when the
+    trajectory is not finite, not for this arm, does not start at the `measured` joints or leaves a joint limit.
+    """
+    _check_form(trajectory, spec)
+    gap = np.abs(trajectory.positions[0] - measured)
+    if gap.max() > START_TOLERANCE:
+        worst = int(gap.argmax())
+        raise refused(
+            f"the trajectory starts {gap[worst]:.3f} rad away from where {spec.joints[worst]} is",
+            f"Start it at the measured joints (within {START_TOLERANCE} rad).",
+        )
+    points = _interpolate(trajectory)
+    _check_limits(points, spec)
+    t = (1 + np.arange(len(points.positions))) * TIMESTEP / BLEND
+    fade = np.where(t < 1, (1 - t) ** 2 * (1 + 2 * t), 0.0)[:, None]
+    return Setpoints(points.positions + fade * (commanded - trajectory.positions[0]), points.velocities)
+
+
+def refused(problem: str, hint: str = "") -> MotionError:
+    """The error of a command that was not begun."""
+    return MotionError("refused", f"Motion refused: {problem}.", hint=hint)
+
+
+def _check_form(trajectory: Trajectory, spec: RobotSpec) -> None:
+    times, positions, velocities = trajectory.times, trajectory.positions, trajectory.velocities
+    if len(times) == 0 or positions.shape[1] != spec.dof:
+        raise refused(f"it has {len(times)} points of {positions.shape[1]} joints, {spec.name} has {spec.dof}")
+    arrays = [times, positions] if velocities is None else [times, positions, velocities]
+    if not all(np.isfinite(a).all() for a in arrays):
+        raise refused("it holds a number that is not finite")
+    if velocities is not None and velocities.shape != positions.shape:
+        raise refused(f"velocities have shape {velocities.shape}, positions {positions.shape}")
+    if times[0] != 0 or (np.diff(times) <= 0).any():
+        raise refused("times must start at 0 and grow")
+    if times[-1] > MAX_DURATION:
+        raise refused(f"it lasts {times[-1]:.0f} s, longer than {MAX_DURATION:.0f} s")
+
+
+def _interpolate(trajectory: Trajectory) -> Setpoints:
+    end = trajectory.times[-1]
+    t = np.minimum((1 + np.arange(max(1, int(np.ceil(end / TIMESTEP - 1e-9))))) * TIMESTEP, end)
+    if len(trajectory.times) == 1:
+        return Setpoints(trajectory.positions.copy(), np.zeros_like(trajectory.positions))
+    if trajectory.velocities is not None:
+        curve = CubicHermiteSpline(trajectory.times, trajectory.positions, trajectory.velocities)
+        return Setpoints(curve(t), curve.derivative()(t))
+    positions = np.column_stack([np.interp(t, trajectory.times, column) for column in trajectory.positions.T])
+    velocities = np.diff(trajectory.positions, axis=0) / np.diff(trajectory.times)[:, None]
+    return Setpoints(positions, velocities[np.clip(np.searchsorted(trajectory.times, t) - 1, 0, len(velocities) - 1)])
+
+
+def _check_limits(points: Setpoints, spec: RobotSpec) -> None:
+    lower, upper, velocity = (np.array([getattr(j, k) for j in spec.limits]) for k in ("lower", "upper", "velocity"))
+    beyond = np.maximum(lower - points.positions, points.positions - upper).max(axis=0)
+    if beyond.max() > POSITION_SLACK:
+        worst = int(beyond.argmax())
+        raise refused(
+            f"{spec.joints[worst]} would leave its range by {beyond[worst]:.4f} rad",
+            f"It may move between {lower[worst]:.4f} and {upper[worst]:.4f} rad.",
+        )
+    ratio = np.abs(points.velocities).max(axis=0) / velocity
+    if ratio.max() > 1 + SLACK:
+        worst = int(ratio.argmax())
+        raise refused(
+            f"{spec.joints[worst]} would move at {ratio[worst] * velocity[worst]:.3f} rad/s",
+            f"Its limit is {velocity[worst]:.3f} rad/s.",
+        )

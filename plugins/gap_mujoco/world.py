@@ -1,0 +1,175 @@
+"""The MuJoCo world: a simulated cell behind the contract every world keeps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from gap_cli.contracts.failures import BadRequestError, GapError, TaskInfeasibleError, UnknownNameError
+from gap_cli.contracts.privilege import assert_privileged, current_node
+from gap_cli.contracts.robot import RobotSpec
+from gap_cli.contracts.snapshot import WorldSnapshot
+from gap_cli.contracts.task import Task
+from gap_cli.contracts.types import CameraObservation, Observation, Se3Pose
+from gap_cli.contracts.world import Instance, WorldFrame
+from gap_mujoco.arm import SimArm
+from gap_mujoco.belief import Belief
+from gap_mujoco.camera import Renderer, camera_pose, observe
+from gap_mujoco.listeners import Ear
+from gap_mujoco.physics import Physics
+from gap_mujoco.scene import compose
+from gap_mujoco.thread import WorldThread
+from gap_mujoco.truth import Truth, pose_qpos
+
+SETTLE_MIN, SETTLE_MAX = 0.1, 1.5  # [s] physics may take to bring placed objects to rest
+SETTLE_TOLERANCE = 0.005  # [m] an object may move while it comes to rest
+
+
+class MujocoWorld:
+    """One scene of one task. Every method may be called from any thread; all of it happens on one."""
+
+    def __init__(self, task: Task, scene: str, robots: Mapping[str, RobotSpec]) -> None:
+        self._thread = WorldThread("mujoco")
+        self._task, self._belief = task, Belief(task, scene, robots)
+        self._renderer: Renderer | None = None
+        self._start: WorldSnapshot | None = None
+        self._closed = False
+        self._thread.call(self._build, task, scene, robots)
+
+    def _build(self, task: Task, scene: str, robots: Mapping[str, RobotSpec]) -> None:
+        self._scene = compose(task, scene, robots)
+        self._physics = Physics(self._scene)
+        placed = enumerate(self._scene.robots)
+        self._arms = tuple(SimArm(i, spec, place, self._physics, self._thread) for i, (spec, place) in placed)
+        self._truth = Truth(task, self._scene, self._physics, self._arms)
+        self._physics.controllers = self._arms
+
+    @property
+    def arms(self) -> Sequence[SimArm]:
+        """By arm_id."""
+        return self._arms
+
+    @property
+    def time(self) -> float:
+        """Simulated time since reset [s]."""
+        return self._physics.time
+
+    @property
+    def camera_names(self) -> tuple[str, ...]:
+        """The task's cameras, then the robots' own."""
+        return tuple(self._scene.eyes)
+
+    def sample(self, seed: int) -> Instance:
+        """Draw an instance. Privileged, as poses are. Raises `TaskInfeasibleError`."""
+        assert_privileged("where the objects are going to be")
+        return self._belief.sample(seed)
+
+    def reset(self, instance: Instance) -> None:
+        """Place everything, let it come to rest, and start the clock. Raises `TaskInfeasibleError`."""
+        assert_privileged("the simulator's state, to reset it")
+        self._thread.call(self._reset, instance)
+
+    def _reset(self, instance: Instance) -> None:
+        if set(instance.poses) != set(self._scene.objects):
+            missing = sorted(set(instance.poses) ^ set(self._scene.objects))
+            raise BadRequestError("instance", f"The instance and the scene disagree about {', '.join(missing)}.")
+        self._start = None
+        self._physics.clear()
+        data = self._physics.data
+        for name, pose in instance.poses.items():
+            data.joint(f"{name}/").qpos[:] = pose_qpos(pose)
+        for name, value in instance.joints.items():
+            data.qpos[self._truth.joint_address(name)] = value
+        for arm in self._arms:
+            arm.place_home()
+        self._physics.forward()
+        with self._physics.unobserved():
+            self._come_to_rest(instance)
+        self._physics.start_clock()
+        self._start = self._truth.snapshot(None)
+
+    def _come_to_rest(self, instance: Instance) -> None:
+        self._physics.run(SETTLE_MIN)
+        now = self._truth.snapshot(None)
+        while now.time < SETTLE_MAX and not all(now.body(name).is_settled() for name in now.bodies):
+            self._physics.run(SETTLE_MIN)
+            now = self._truth.snapshot(None)
+        for name, pose in instance.poses.items():
+            moved = float(np.linalg.norm(now.bodies[name].pose.position.array - pose.position.array))
+            if moved > SETTLE_TOLERANCE or not now.body(name).is_settled():
+                raise TaskInfeasibleError(
+                    f"{name!r} does not stay where the instance puts it: it moved {1000 * moved:.1f} mm "
+                    f"in {now.time:.1f} s.",
+                    hint="Place it free of others, standing on its support.",
+                )
+
+    def observe(self, cameras: Sequence[str] | None = None) -> Observation:
+        """RGB-D of the named cameras (default all) and the arms' states, all at this instant."""
+        return self._thread.call(self._observe, cameras)
+
+    def _observe(self, cameras: Sequence[str] | None) -> Observation:
+        names = self.camera_names if cameras is None else cameras
+        frames = tuple(self._frame(name) for name in names)
+        return Observation(frames, tuple(arm.read() for arm in self._arms), self.time)
+
+    def _frame(self, name: str) -> CameraObservation:
+        if name not in self._scene.eyes:
+            raise UnknownNameError("camera", name, self._scene.eyes)
+        if self._closed:
+            raise GapError("The world is closed.")
+        eye, data = self._scene.eyes[name], self._physics.data
+        if self._renderer is None:
+            sizes = [e.resolution for e in self._scene.eyes.values()]
+            self._renderer = Renderer(self._scene.model, (max(w for w, _ in sizes), max(h for _, h in sizes)))
+        return observe(self._renderer, data, eye.element, eye.resolution, eye.fovy, name)
+
+    def camera_pose(self, name: str) -> Se3Pose:
+        """T_world_camera (optical). Raises `UnknownNameError`."""
+        if name not in self._scene.eyes:
+            raise UnknownNameError("camera", name, self._scene.eyes)
+        return self._thread.call(camera_pose, self._physics.data, self._scene.eyes[name].element)
+
+    def wait(self, seconds: float) -> None:
+        """Let world time pass."""
+        if not 0 <= seconds <= 600:
+            raise BadRequestError("range", f"Cannot wait {seconds} s; 0 to 600 s is possible.")
+        self._thread.call(self._physics.run, seconds)
+
+    def snapshot(self) -> WorldSnapshot:
+        """Ground truth. Raises `PrivilegedReadError` inside a policy node."""
+        assert_privileged("the world's ground truth")
+        return self._thread.call(self._truth.snapshot, self._start)
+
+    def subscribe(
+        self, listener: Callable[[WorldFrame], None], hz: float, cameras: Sequence[str] = ()
+    ) -> Callable[[], None]:
+        """Call `listener` on the world's thread at `hz` of world time. Within a policy node, frames hold no truth."""
+        if not 0 < hz <= 500:
+            raise BadRequestError("range", f"Cannot listen at {hz} Hz; more than 0, up to 500 Hz is possible.")
+        truth = current_node() is None
+
+        def take() -> WorldFrame:
+            snapshot = self._truth.snapshot(self._start) if truth else None
+            return WorldFrame(self.time, self._observe(cameras), snapshot)
+
+        ear = Ear(listener, hz, lambda: self.time, take)
+        self._thread.call(self._physics.observers.append, ear)
+
+        def unsubscribe() -> None:
+            if ear in self._physics.observers:
+                self._thread.call(self._physics.observers.remove, ear)
+
+        return unsubscribe
+
+    def close(self) -> None:
+        """Free the renderer and the thread. Idempotent."""
+        if not self._closed:
+            self._closed = True
+            self._thread.call(self._free)
+            self._thread.close()
+
+    def _free(self) -> None:
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
