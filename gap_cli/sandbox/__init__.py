@@ -1,5 +1,6 @@
 """The jail for code that a model or a stranger wrote: builder code, and inline skill scripts."""
 
 from gap_cli.sandbox.builder import level, run_builder
+from gap_cli.sandbox.scripts import ScriptJail
 
-__all__ = ["level", "run_builder"]
+__all__ = ["ScriptJail", "level", "run_builder"]

@@ -11,7 +11,7 @@ from gap_cli.graph import builder
 from gap_cli.sandbox.blame import blame, remember
 from gap_cli.sandbox.confine import REPLY_FD, REQUEST_FD
 from gap_cli.sandbox.frames import read_frame, write_frame
-from gap_cli.sandbox.lint import BUILDER, lint
+from gap_cli.sandbox.lint import BUILDER, report
 
 FILENAME = "<builder>"
 PROVIDED = ("WorkflowSpec", "Subgraph", "Ref", "ServiceCall", "START", "END")
@@ -38,7 +38,7 @@ def main() -> None:
     job = json.loads(read_frame(REQUEST_FD))
     ballast: list[bytearray] = [bytearray(4 << 20)]  # given back when memory runs out, so that we can still say so
     try:
-        problem = check(job["source"])
+        problem = report(job["source"], BUILDER, FILENAME)
         payload = _encode({"error": problem}) if problem else _output(run(job["source"], job["expect"]))
     except BaseException as error:
         ballast.clear()
@@ -78,13 +78,3 @@ def run(source: str, expect: str | None) -> dict[str, Any]:
         raise _Refused(f"must bind {'only one of' if found else ''} {wanted} at module level".replace("  ", " "))
     data: dict[str, Any] = space[found[0]].to_dict()
     return data
-
-
-def check(source: str) -> dict[str, Any] | None:
-    """What the lint says against it, as an error report; None when it has nothing to say."""
-    problems = lint(source, BUILDER, FILENAME)
-    if not problems:
-        return None
-    line, message = problems[0]
-    more = [f"line {n}: {m}" for n, m in problems[1:6]]
-    return {"cause": "forbidden", "line": line, "message": message, "hint": "Also " + "; ".join(more) if more else ""}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 MAX_SOURCE = 256_000
 MAX_NODES = 50_000
@@ -58,6 +59,16 @@ def lint(source: str, dialect: Dialect, filename: str = "<source>") -> list[tupl
     if count > MAX_NODES or depth > MAX_DEPTH:
         return [(1, f"{dialect.what} is limited to {MAX_NODES} syntax nodes, {MAX_DEPTH} deep")]
     return sorted({problem for node in ast.walk(tree) for problem in _problems(node, dialect)})
+
+
+def report(source: str, dialect: Dialect, filename: str) -> dict[str, Any] | None:
+    """What `lint` says as one error report for the host; None when it has nothing to say. Raises SyntaxError."""
+    problems = lint(source, dialect, filename)
+    if not problems:
+        return None
+    line, message = problems[0]
+    more = [f"line {n}: {m}" for n, m in problems[1:6]]
+    return {"cause": "forbidden", "line": line, "message": message, "hint": "Also " + "; ".join(more) if more else ""}
 
 
 def _size(tree: ast.AST) -> tuple[int, int]:

@@ -1,0 +1,104 @@
+"""In the child: run an inline skill script; its only way out is to ask the host for a tool."""
+
+from __future__ import annotations
+
+import collections
+import sys
+import types
+from collections.abc import Callable, Iterator
+from functools import cache
+from typing import Any
+
+from gap_cli.contracts.failures import BadRequestError, ToolError
+from gap_cli.contracts.wire import pack, unpack
+from gap_cli.sandbox import warm
+from gap_cli.sandbox.blame import blame, remember
+from gap_cli.sandbox.confine import REPLY_FD, REQUEST_FD
+from gap_cli.sandbox.failures import described, revived
+from gap_cli.sandbox.frames import read_frame, write_frame
+from gap_cli.sandbox.lint import SCRIPT, report
+
+FILENAME = "<script>"
+MODULE = "inline_script"
+warm.up()
+
+
+class Context:
+    """What a script sees as `ctx`. `seed` is the episode's."""
+
+    def __init__(self, seed: int) -> None:
+        self.seed = seed
+
+    def tool(self, name: str, /, **inputs: Any) -> Any:
+        """Call a tool; returns its bare value or a NamedTuple. Raises what the tool raised."""
+        return _ask("call", name, inputs)
+
+    def publish(self, value: Any) -> None:
+        """Make `value` the latest of this streaming node."""
+        _ask("publish", value)
+
+    def raise_if_cancelled(self) -> None:
+        """Nothing to do: a jailed script that must stop is stopped from outside."""
+
+
+def _ask(*message: Any) -> Any:
+    write_frame(REPLY_FD, pack(list(message)))
+    answer = unpack(read_frame(REQUEST_FD), record=_named)
+    if answer[0] == "ok":
+        return answer[1]
+    raise _failed(answer[1])
+
+
+def _failed(report: dict[str, Any]) -> ToolError:
+    error = revived(report) or ToolError("tool", "the tool failed")
+    error.origin = report["origin"]  # type: ignore[attr-defined]
+    return error
+
+
+def _named(fields: dict[str, Any]) -> Any:
+    return _class_of(tuple(fields))(**fields)
+
+
+@cache
+def _class_of(names: tuple[str, ...]) -> Callable[..., Any]:
+    made: Callable[..., Any] = collections.namedtuple("Result", names)  # type: ignore[misc]
+    return made
+
+
+def main() -> None:
+    """Read one job and run it; the last message is `return` or `error`."""
+    job = unpack(read_frame(REQUEST_FD), record=_named)
+    ballast = [bytearray(8 << 20)]  # given back when memory runs out, so that we can still say so
+    try:
+        problem = report(job["source"], SCRIPT, FILENAME)
+        payload = pack(["error", problem]) if problem else pack(["return", run(job)])
+    except BaseException as error:
+        ballast.clear()
+        payload = pack(["error", blame(error, FILENAME) | _failure(error)])
+    write_frame(REPLY_FD, payload)
+
+
+def _failure(error: BaseException) -> dict[str, Any]:
+    """What lets the host raise the same failure again, where it is one of the contract's."""
+    if not isinstance(error, ToolError):
+        return {}
+    return {**described(error), "origin": getattr(error, "origin", None)}
+
+
+def run(job: dict[str, Any]) -> Any:
+    """Execute the script's module and call its `run`; what a generator yields is published."""
+    warm.seed(job["seed"])
+    remember(job["source"], FILENAME)
+    module = types.ModuleType(MODULE)
+    sys.modules[MODULE] = module  # where dataclasses look for the names in annotations
+    exec(compile(job["source"], FILENAME, "exec", dont_inherit=True), module.__dict__)
+    function = module.__dict__.get("run")
+    if not callable(function):
+        raise BadRequestError("script", "the script has no function run")
+    context = Context(job["seed"])
+    result = function(context, **job["inputs"])
+    if isinstance(result, Iterator):
+        for value in result:
+            context.publish(value)
+        return None
+    return result

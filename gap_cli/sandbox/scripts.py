@@ -1,0 +1,143 @@
+"""Runs inline skill scripts in a jail; the host serves their tool calls one by one and trusts no byte of them."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Self
+
+from gap_cli.contracts.documents import read_text
+from gap_cli.contracts.failures import CancelledError, PrivilegedReadError, ToolError
+from gap_cli.contracts.wire import pack, unpack
+from gap_cli.errors import BadRequestError, GapError, SandboxError
+from gap_cli.sandbox import verdict
+from gap_cli.sandbox.confine import Limits
+from gap_cli.sandbox.failures import described, revived
+from gap_cli.sandbox.frames import DeadlineError, FloodError, HangUpError, Pipes
+from gap_cli.sandbox.lint import MAX_SOURCE
+from gap_cli.sandbox.server import ForkServer
+
+MAX_MESSAGE = 64_000_000
+MAX_CALLS = 10_000
+MEMORY = 2 << 30
+FOREVER = -1  # RLIM_INFINITY
+CallTool = Callable[[str, dict[str, Any]], Any]
+
+
+class ScriptJail:
+    """A context manager around one fork server with numpy loaded. `run` may be called from several threads."""
+
+    def __init__(self, *, unsafe: bool = False, max_calls: int = MAX_CALLS, machine: str = "") -> None:
+        self._unsafe, self._max_calls = unsafe, max_calls
+        self._server = ForkServer("gap_cli.sandbox.script_child", machine=machine)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Stop the server and whatever it still runs."""
+        self._server.close()
+
+    def level(self) -> str:
+        """'seccomp' or 'none', probed. Starts the server, so that the first script does not wait for it."""
+        return self._server.level()
+
+    def run(
+        self,
+        source_path: Path,
+        inputs: dict[str, Any],
+        call_tool: CallTool,
+        deadline_s: float,
+        *,
+        publish: Callable[[Any], None] | None = None,
+        check: Callable[[], None] | None = None,
+        seed: int = 0,
+    ) -> Any:
+        """Call `run(ctx, **inputs)` of the script and return its result, named results as a dict.
+
+        `ctx.tool` and `ctx.publish` become `call_tool(name, inputs)` and `publish(value)` here, on this thread; every
+        check of a call is theirs. `check` is called while waiting and may raise to give up; `deadline_s` [s] of wall
+        time bounds the whole run. Raises `SandboxError`, the `ToolError` the script raised or let through, and whatever
+        `check` raises; a call that fails otherwise ends the script.
+        """
+        source = read_text(source_path)
+        what = f"The script {source_path.name}"
+        if len(source) > MAX_SOURCE:
+            raise SandboxError(f"{what} is longer than {MAX_SOURCE // 1000} kB.", cause="forbidden")
+        order = pack({"source": source, "inputs": inputs, "seed": seed})
+        session = _Session(what, call_tool, publish, self._max_calls)
+        cpu = math.ceil(deadline_s) + 2 if math.isfinite(deadline_s) else FOREVER
+        until = time.monotonic() + deadline_s
+        with self._server.job(Limits(MEMORY, cpu), until, unsafe=self._unsafe, check=check) as job:
+            try:
+                job.pipes.send(order)
+                return session.serve(job.pipes)
+            except DeadlineError:
+                raise verdict.timed_out(what, deadline_s) from None
+            except FloodError:
+                raise verdict.flooded(what, MAX_MESSAGE) from None
+            except HangUpError:
+                job.end()
+                raise verdict.ended(what, job.status) from None
+
+
+class _Session:
+    """One run of one script, as the host sees it."""
+
+    def __init__(self, what: str, call_tool: CallTool, publish: Callable[[Any], None] | None, max_calls: int) -> None:
+        self._what, self._call_tool, self._publish, self._calls_left = what, call_tool, publish, max_calls
+        self._raised: list[ToolError] = []
+
+    def serve(self, pipes: Pipes) -> Any:
+        """Answer calls until the script returns or fails."""
+        while True:
+            message = self._read(pipes)
+            match message:
+                case ["return", value]:
+                    return value
+                case ["error", dict(report)]:
+                    raise self._failure(report)
+                case ["call", str(name), dict(inputs)]:
+                    self._count()
+                    pipes.send(self._answer(self._call_tool, name, inputs))
+                case ["publish", value] if self._publish is not None:
+                    pipes.send(self._answer(self._publish, value))
+                case ["publish", _]:
+                    raise SandboxError(f"{self._what} publishes, but is not a streaming node.", cause="forbidden")
+                case _:
+                    raise SandboxError(f"{self._what} sent something that is not a message.", cause="output")
+
+    def _read(self, pipes: Pipes) -> Any:
+        if time.monotonic() > pipes.deadline:
+            raise DeadlineError
+        try:
+            return unpack(pipes.receive(MAX_MESSAGE))
+        except BadRequestError as error:
+            raise SandboxError(f"{self._what} sent something that is {error.message}.", cause="output") from None
+
+    def _count(self) -> None:
+        self._calls_left -= 1
+        if self._calls_left < 0:
+            raise SandboxError(f"{self._what} made too many tool calls.", cause="forbidden")
+
+    def _answer(self, work: Callable[..., Any], *arguments: Any) -> bytes:
+        """What the host did, or why it did not, for the script to handle; what it may not handle is raised here."""
+        try:
+            return pack(["ok", work(*arguments)])
+        except (CancelledError, PrivilegedReadError):
+            raise
+        except ToolError as error:
+            self._raised.append(error)
+            return pack(["error", {**described(error), "origin": len(self._raised) - 1}])
+
+    def _failure(self, report: dict[str, Any]) -> GapError:
+        """The failure the script ended with: the very one a tool raised, where it let it through."""
+        origin = report.get("origin")
+        if type(origin) is int and 0 <= origin < len(self._raised):
+            return self._raised[origin]
+        return revived(report) or verdict.reported(self._what, report)
