@@ -1,0 +1,127 @@
+"""From one observation to its instances and their masks in every camera; worked out once per observation."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from gap_cli.contracts.task import Task
+from gap_cli.contracts.tool import ToolContext
+from gap_cli.contracts.types import ArmState, Array
+from gap_perception.frames import Scene
+from gap_perception.scene.blobs import Voxels, voxelise
+from gap_perception.scene.colours import perceptual
+from gap_perception.scene.explain import Instance, Measured, explain
+from gap_perception.scene.library import Appearance, build_library
+from gap_perception.scene.points import CameraPoints, lift
+from gap_perception.scene.selfmask import on_robot, robot_model, solids_of
+from gap_perception.scene.visibility import depth_view
+
+MIN_PIXELS = 25  # an instance with fewer in a picture is not visible there
+
+
+class Region(NamedTuple):
+    """An instance in one picture: its boolean mask (H, W), its box (x_min, y_min, x_max, y_max; max exclusive) and its
+    median depth [m]."""
+
+    mask: Array
+    box: tuple[int, int, int, int]
+    depth: float
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """What an observation shows: `instances`, largest first, their `centers` (n, 3) in the world [m], and one label
+    image (H, W) per camera with the instance's index, -1 elsewhere."""
+
+    instances: tuple[Instance, ...]
+    centers: Array
+    labels: tuple[Array, ...]
+    depths: tuple[Array, ...]
+    library: Mapping[str, Appearance]
+
+    def region(self, instance: int, camera: int) -> Region | None:
+        """Where an instance shows in a camera's picture; None where it does not."""
+        mask = self.labels[camera] == instance
+        rows = np.flatnonzero(mask.any(axis=1))
+        if not len(rows) or np.count_nonzero(mask) < MIN_PIXELS:
+            return None
+        columns = np.flatnonzero(mask.any(axis=0))
+        box = (int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1)
+        return Region(mask, box, float(np.median(self.depths[camera][mask])))
+
+
+def has_depth(scene: Scene, camera: int) -> bool:
+    """True when a remembered frame measured any distance at all."""
+    depth = scene.observation.cameras[camera].depth.data
+    return bool((np.isfinite(depth) & (depth > 0)).any())
+
+
+def library_of(ctx: ToolContext) -> Mapping[str, Appearance]:
+    """The looks of the task's object models, learned once per process."""
+    described = repr([(name, model.model_dump_json()) for name, model in sorted(ctx.task.objects.items())])
+    key = hashlib.sha256(described.encode()).hexdigest()[:16]
+    library: Mapping[str, Appearance] = ctx.shared(f"gap_perception.library:{key}", lambda: build_library(ctx.task))
+    return library
+
+
+def analyse(ctx: ToolContext, scene: Scene) -> Analysis:
+    """The analysis of a remembered observation; a second call returns the first one's result."""
+    with scene.lock:
+        if "analysis" not in scene.derived:
+            scene.derived["analysis"] = _analyse(ctx, scene)
+        result: Analysis = scene.derived["analysis"]
+        return result
+
+
+def _analyse(ctx: ToolContext, scene: Scene) -> Analysis:
+    library = library_of(ctx)
+    cameras = scene.observation.cameras
+    lifted = [lift(camera, ctx.task.environment) for camera in cameras]
+    voxels = voxelise(np.concatenate([p.xyz for p in lifted]))
+    keep = ~_on_any_robot(ctx, ctx.task, scene.observation.arm_states, voxels.centers)
+    measured = _measure(lifted, voxels)
+    ctx.raise_if_cancelled()
+    kept = np.flatnonzero(keep)
+    found = explain(library, measured.select(kept), [depth_view(camera) for camera in cameras])
+    label_of = np.full(len(voxels.centers), -1, dtype=np.int16)
+    for index, instance in enumerate(found):
+        label_of[kept[instance.voxels]] = index
+    labels = _label_images(lifted, label_of[voxels.of_point])
+    centers = np.array([measured.points[kept[i.voxels]].mean(axis=0) for i in found]).reshape(-1, 3)
+    return Analysis(tuple(found), centers, labels, tuple(c.depth.data for c in cameras), library)
+
+
+def _measure(lifted: Sequence[CameraPoints], voxels: Voxels) -> Measured:
+    colours = np.concatenate([perceptual(p.camera.rgb.data)[p.rows, p.columns] for p in lifted])
+    support = np.concatenate([p.support for p in lifted])
+
+    def mean(values: Array) -> Array:
+        return np.bincount(voxels.of_point, weights=values, minlength=len(voxels.counts)) / voxels.counts
+
+    return Measured(voxels.centers, np.column_stack([mean(colours[:, i]) for i in range(3)]), mean(support))
+
+
+def _label_images(lifted: Sequence[CameraPoints], labels: Array) -> tuple[Array, ...]:
+    """Scatter the labels of all cameras' points, one after the other, back to their pixels."""
+    images, start = [], 0
+    for points in lifted:
+        image = np.full(points.camera.depth.data.shape, -1, dtype=np.int16)
+        stop = start + len(points.rows)
+        image[points.rows, points.columns] = labels[start:stop]
+        images.append(image)
+        start = stop
+    return tuple(images)
+
+
+def _on_any_robot(ctx: ToolContext, task: Task, states: Sequence[ArmState], points: Array) -> Array:
+    hit = np.zeros(len(points), dtype=bool)
+    for state in states:
+        spec = ctx.robot(state.arm_id)
+        model = ctx.shared(f"gap_perception.robot:{spec.model_file}", robot_model(spec))
+        hit |= on_robot(points, solids_of(model, spec, state, task.robots[state.arm_id]))
+    return hit

@@ -1,0 +1,53 @@
+"""Groups points that touch each other, over all cameras at once."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from gap_cli.contracts.types import Array
+
+VOXEL = 0.004  # m
+LINK = 0.008  # m: points closer than this belong together; tasks keep objects a centimetre apart or let them touch
+
+
+class Voxels(NamedTuple):
+    """Points averaged over a grid: `centers` (M, 3) [m], `of_point` (N,) the voxel of each point, `counts` (M,)."""
+
+    centers: Array
+    of_point: Array
+    counts: Array
+
+
+def voxelise(xyz: Array, size: float = VOXEL) -> Voxels:
+    """Average points (N, 3) over cubes of `size`."""
+    if not len(xyz):
+        return Voxels(np.zeros((0, 3)), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
+    grid = np.floor(xyz / size).astype(np.int64)
+    grid -= grid.min(axis=0)
+    spans = grid.max(axis=0) + 1
+    keys = (grid[:, 0] * spans[1] + grid[:, 1]) * spans[2] + grid[:, 2]
+    _, of_point, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    sums = [np.bincount(of_point, weights=xyz[:, i]) for i in range(3)]
+    return Voxels(np.column_stack(sums) / counts[:, None], of_point, counts)
+
+
+def components(points: Array, link: float = LINK) -> Array:
+    """Label of each point (N, 3): equal where a chain of steps shorter than `link` leads from one to the other.
+
+    Labels count from 0 by decreasing size.
+    """
+    if not len(points):
+        return np.zeros(0, dtype=np.int64)
+    pairs = cKDTree(points).query_pairs(link, output_type="ndarray")
+    n = len(points)
+    graph = coo_matrix((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+    _, labels = connected_components(graph, directed=False)
+    order = np.argsort(-np.bincount(labels), kind="stable")
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    return np.asarray(rank[labels])

@@ -1,0 +1,120 @@
+"""Lays an object model onto measured points: point-to-plane ICP for a body that rests on a known support.
+
+Method: Chen and Medioni, Object modelling by registration of multiple range images, 1992, with Geman-McClure weights;
+the search is over x, y, yaw, and a height held near the resting one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gap_cli.contracts.types import Array
+from gap_perception.scene.library import Appearance
+
+ITERATIONS = 8
+LOOSE, TIGHT = 0.015, 0.002  # m: scale of the robust weights, from the first iteration to the last
+WRONG = 0.008  # m: farther points are not explained at all, however far
+HEIGHT_SIGMA = 0.002  # m: calibration error and compliance; the support's height is known
+TURN_SIGMA = 0.3  # rad per iteration, damping for round bodies whose yaw the points do not determine
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A model at T_world_object = (`rotation` (3, 3), `position` (3,) [m]), resting as `rest` says.
+
+    `distance` (N,) [m] is how far each point it was fitted to lies from the model's surface.
+    """
+
+    appearance: Appearance
+    rest: int
+    rotation: Array
+    position: Array
+    distance: Array
+
+    def local(self, points: Array) -> Array:
+        """World points (N, 3) in the object's frame."""
+        return np.asarray((points - self.position) @ self.rotation)
+
+    def surface_distance(self, points: Array) -> Array:
+        """Distance of world points (N, 3) from the model's surface, shape (N,) [m]."""
+        local = self.local(points)
+        return _distance(self.appearance, local, self.appearance.lookup(local))
+
+
+@cache
+def rests(kind: str) -> tuple[Array, ...]:
+    """Rotations R_level_object of the poses an object can rest in, standing first."""
+    if kind == "open_box":
+        turns: list[list[float]] = [[0, 0, 0]]
+    elif kind == "cylinder":
+        turns = [[0, 0, 0], [90, 0, 0]]
+    else:
+        turns = [[0, 0, 0], [90, 0, 0], [0, 90, 0], [-90, 0, 0], [0, -90, 0]]
+    return tuple(Rotation.from_euler("xyz", turn, degrees=True).as_matrix() for turn in turns)
+
+
+def resting_size(appearance: Appearance, rest: int) -> Array:
+    """Extents along level axes of the object resting that way, shape (3,) [m]."""
+    return np.asarray(np.abs(rests(appearance.model.shape.kind)[rest]) @ np.array(appearance.model.shape.size))
+
+
+def fit(appearance: Appearance, rest: int, points: Array, starts: Array, support: float, *, free: bool = False) -> Fit:
+    """The best fit to world points (N, 3) from several `starts` (S, 3) of x, y [m] and yaw [rad].
+
+    `support` is the height of the surface below; with `free` the object may hang at any height.
+    """
+    base = rests(appearance.model.shape.kind)[rest]
+    height = support + resting_size(appearance, rest)[2] / 2
+    z = np.full(len(starts), float(points[:, 2].max()) - resting_size(appearance, rest)[2] / 2 if free else height)
+    state = np.column_stack([starts[:, :2], z, starts[:, 2]])
+    sigma = 0.05 if free else HEIGHT_SIGMA
+    for i in range(ITERATIONS):
+        scale = LOOSE * (TIGHT / LOOSE) ** (i / (ITERATIONS - 1))
+        state = state + _step(appearance, base, points, state, scale, (height, sigma))
+    R, t = _pose(base, state)
+    local = np.einsum("snj,sjk->snk", points[None] - t[:, None], R)
+    distance = _distance(appearance, local, appearance.lookup(local))
+    best = int(np.argmin(np.minimum(distance, WRONG).mean(axis=1)))
+    return Fit(appearance, rest, R[best], t[best], distance[best])
+
+
+def _pose(base: Array, state: Array) -> tuple[Array, Array]:
+    c, s = np.cos(state[:, 3]), np.sin(state[:, 3])
+    turn = np.zeros((len(state), 3, 3))
+    turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1], turn[:, 2, 2] = c, -s, s, c, 1.0
+    return turn @ base, state[:, :3]
+
+
+def _step(
+    appearance: Appearance, base: Array, points: Array, state: Array, scale: float, height: tuple[float, float]
+) -> Array:
+    """One Gauss-Newton step of all starts at once, shape (S, 4)."""
+    R, t = _pose(base, state)
+    arm = points[None] - t[:, None]
+    local = np.einsum("snj,sjk->snk", arm, R)
+    index = appearance.lookup(local)
+    normal = np.einsum("sij,snj->sni", R, appearance.normals[index])
+    residual = (appearance.normals[index] * (local - appearance.points[index])).sum(-1)
+    gap = np.linalg.norm(local - appearance.points[index], axis=-1)
+    weight = 1.0 / (1.0 + (gap / scale) ** 2) ** 2
+    yaw = normal[..., 1] * arm[..., 0] - normal[..., 0] * arm[..., 1]
+    J = np.concatenate([normal, yaw[..., None]], axis=-1)  # of the residual by (point moved with the body), negated
+    A = np.einsum("sn,sni,snj->sij", weight, J, J)
+    b = np.einsum("sn,sni,sn->si", weight, J, residual)
+    noise = TIGHT**2
+    A[:, 2, 2] += noise / height[1] ** 2
+    b[:, 2] += noise / height[1] ** 2 * (height[0] - state[:, 2])
+    A += np.eye(4) * (np.array([1e-6, 1e-6, 1e-6, noise / TURN_SIGMA**2]))
+    return np.asarray(np.linalg.solve(A, b[..., None])[..., 0])
+
+
+def _distance(appearance: Appearance, local: Array, index: Array) -> Array:
+    """Distance to the surface: along the normal where the nearest surface point is near, else to that point."""
+    offset = local - appearance.points[index]
+    normal = np.abs((appearance.normals[index] * offset).sum(-1))
+    sideways = np.sqrt(np.maximum((offset**2).sum(-1) - normal**2, 0.0))
+    return np.asarray(np.hypot(normal, np.maximum(sideways - 0.004, 0.0)))

@@ -1,0 +1,105 @@
+"""What the task's object models look like, as coloured surface points learned from rendered views of each alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+from scipy.spatial.transform import Rotation
+
+from gap_cli.contracts.task import ObjectModel, Task
+from gap_cli.contracts.types import Array, CameraObservation
+from gap_perception.scene.colours import perceptual
+
+CELL = 0.003  # m: grid of surface points
+PAD = 0.03  # m: how far from the surface the nearest surface point is still looked up
+YAWS = (0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0)
+ELEVATIONS = (-45.0, 15.0, 50.0)
+TOP = 89.9
+
+
+@dataclass(frozen=True)
+class Appearance:
+    """One object model as its surface: `points`, outward `normals` (M, 3) in the object's frame [m], `colours` (M, 3).
+
+    `nearest` maps a cell of the grid that starts at `origin` to the index of the nearest surface point.
+    """
+
+    name: str
+    model: ObjectModel
+    points: Array
+    normals: Array
+    colours: Array
+    origin: Array
+    nearest: Array
+
+    @property
+    def is_round(self) -> bool:
+        """True when turning it about its z axis leaves its shape the same."""
+        return self.model.shape.kind == "cylinder"
+
+    def lookup(self, local: Array) -> Array:
+        """Index of the nearest surface point of points (..., 3) in the object's frame; clamped outside the grid."""
+        cell = ((local - self.origin) / CELL).astype(np.int64)
+        cell = np.clip(cell, 0, np.array(self.nearest.shape) - 1)
+        return np.asarray(self.nearest[cell[..., 0], cell[..., 1], cell[..., 2]])
+
+
+def build_library(task: Task) -> dict[str, Appearance]:
+    """Render every object model of the task alone and learn its surface; seconds, and nothing but the models."""
+    from gap_mujoco.models import render_views
+
+    views = render_views(task.objects, yaws_deg=YAWS, elevations_deg=ELEVATIONS)
+    views += render_views(task.objects, yaws_deg=(0.0,), elevations_deg=(TOP,))
+    return {name: learn(name, model, [v for v in views if v.name == name]) for name, model in task.objects.items()}
+
+
+def learn(name: str, model: ObjectModel, views: Sequence[Any]) -> Appearance:
+    """Fuse views of one model (each with `observation`, `mask`, `yaw_deg`) into surface points on a grid."""
+    parts = [_surface(v.observation, v.mask.data, v.yaw_deg) for v in views]
+    points, normals, colours, weights = (np.concatenate(column) for column in zip(*parts, strict=True))
+    origin = points.min(axis=0) - PAD
+    shape = np.ceil((points.max(axis=0) + PAD - origin) / CELL).astype(int) + 1
+    cells = np.ravel_multi_index(tuple(((points - origin) / CELL).astype(int).T), shape)
+    used, inverse = np.unique(cells, return_inverse=True)
+    points, normals, colours = (_weighted(values, inverse, weights) for values in (points, normals, colours))
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+    index = np.full(shape.prod(), -1)
+    index[used] = np.arange(len(used))
+    index = index.reshape(shape)
+    where = distance_transform_edt(index < 0, return_distances=False, return_indices=True)
+    return Appearance(name, model, points, normals, colours, origin, index[tuple(where)].astype(np.int32))
+
+
+def _surface(frame: CameraObservation, mask: Array, yaw_deg: float) -> tuple[Array, Array, Array, Array]:
+    """Points, normals and colours in the object's frame, and weights, of one view; grazing pixels count little."""
+    K, T = frame.intrinsics.data, frame.pose.matrix
+    z = frame.depth.data.astype(float)
+    v, u = np.indices(z.shape)
+    camera = np.stack([(u - K[0, 2]) / K[0, 0] * z, (v - K[1, 2]) / K[1, 1] * z, z], axis=-1)
+    normal = np.cross(np.gradient(camera, axis=0), np.gradient(camera, axis=1))
+    length = np.linalg.norm(normal, axis=-1, keepdims=True)
+    normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 1e-12)
+    facing = -(normal * camera).sum(-1) / np.maximum(np.linalg.norm(camera, axis=-1), 1e-9)
+    normal *= np.sign(facing)[..., None]
+    keep = mask & _inner(mask) & (np.abs(facing) > 0.15)
+    R = Rotation.from_euler("z", -yaw_deg, degrees=True).as_matrix()
+    points = (camera[keep] @ T[:3, :3].T + T[:3, 3]) @ R.T
+    normals = normal[keep] @ T[:3, :3].T @ R.T
+    return points, normals, perceptual(frame.rgb.data)[keep], facing[keep] ** 2
+
+
+def _inner(mask: Array) -> Array:
+    """The mask without its outermost pixels, whose normals straddle the background."""
+    import cv2
+
+    return cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0).astype(bool)
+
+
+def _weighted(values: Array, groups: Array, weights: Array) -> Array:
+    total = np.bincount(groups, weights=weights)
+    sums = [np.bincount(groups, weights=weights * values[:, i]) for i in range(3)]
+    return np.asarray(np.column_stack(sums) / total[:, None])
