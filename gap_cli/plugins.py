@@ -22,7 +22,16 @@ from gap_cli.contracts.tool import Tool
 from gap_cli.errors import GapError, PluginError, UnknownNameError
 
 GROUP = "gap"
-FIRST_PARTY = ("gap_mujoco", "gap_robots", "gap_motion", "gap_perception", "gap_geometry", "gap_tasks", "morsl")
+FIRST_PARTY = (
+    "gap_mujoco",
+    "gap_robots",
+    "gap_motion",
+    "gap_perception",
+    "gap_geometry",
+    "gap_grasps",
+    "gap_tasks",
+    "morsl",
+)
 ENTRY_KINDS = ("worlds", "robots", "authors", "policies", "engines", "benchmarks", "checks")
 log = logging.getLogger(__name__)
 
