@@ -1,0 +1,104 @@
+"""Which edges of a graph can be taken in the same pass, and so which nodes can run at the same time."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+from gap_cli.graph.flow import Flow
+
+
+class Beside:
+    """Pairs of edges, and of nodes, over all interleavings of a graph's parallel branches."""
+
+    def __init__(self, flow: Flow) -> None:
+        self.flow = flow
+
+    @cached_property
+    def together(self) -> list[int]:
+        """For each edge, a mask of the edges that can be taken in the same pass.
+
+        Two edges of one choice exclude each other; two of different nodes go together when the later node can be
+        reached by an edge that goes with the earlier one, since its own choice is free.
+        """
+        flow = self.flow
+        masks = [0] * len(flow.arcs)
+        for node in flow.order:
+            arriving = 0
+            for number in flow.into[node]:
+                if number not in flow.back and flow.arcs[number].source in flow.rank:
+                    arriving |= masks[number] | 1 << number
+            leaving = 0
+            for number in flow.out[node]:
+                leaving |= 1 << number
+                masks[number] |= arriving | self._siblings(node, number)
+            for number in bits(arriving):
+                masks[number] |= leaving
+        return masks
+
+    def _siblings(self, node: int, number: int) -> int:
+        """Other edges of the node that can be taken with this one."""
+        arcs, mask = self.flow.arcs, 0
+        choice = node not in self.flow.fan_out and arcs[number].value is not None
+        for other in self.flow.out[node]:
+            if other != number and not (choice and arcs[other].value is not None):
+                mask |= 1 << other
+        return mask
+
+    @cached_property
+    def _arrivals(self) -> dict[int, int]:
+        flow = self.flow
+        return {
+            node: sum(1 << n for n in flow.into[node] if n not in flow.back and flow.arcs[n].source in flow.rank)
+            for node in flow.order
+        }
+
+    def may_overlap(self, a: str, b: str) -> bool:
+        """True when two nodes can run at the same time: in one pass, and neither waits for the other."""
+        flow = self.flow
+        i, j = flow.index[a], flow.index[b]
+        if i not in flow.rank or j not in flow.rank:
+            return False
+        if i == j:
+            return self.repeats(a)
+        if flow.before[i] >> j & 1 or flow.before[j] >> i & 1:
+            return False
+        return any(self.together[n] & self._arrivals[j] or self._arrivals[j] >> n & 1 for n in bits(self._arrivals[i]))
+
+    def repeats(self, name: str) -> bool:
+        """True when a fan-out may start several copies of this node."""
+        flow = self.flow
+        return any(flow.arcs[n].source in flow.fan_out and flow.arcs[n].value is not None
+                   for n in flow.into[flow.index[name]])  # fmt: skip
+
+    def restarted_under(self, number: int, streaming: frozenset[int]) -> int | None:
+        """A node that may still run when back edge `number` starts a new pass of the loop it began in, or None."""
+        flow = self.flow
+        arc = flow.arcs[number]
+        for other in bits(self.together[number]):
+            node = flow.arcs[other].target
+            if node in (1, arc.source) or node in streaming or flow.before[arc.source] >> node & 1:
+                continue
+            if node == arc.target or flow.before.get(node, 0) >> arc.target & 1:
+                return node
+        return None
+
+    def both_end(self) -> list[tuple[int, int]]:
+        """Pairs of nodes that can lead to END in one pass."""
+        flow = self.flow
+        ends = [n for n in flow.into[1] if flow.arcs[n].source in flow.rank]
+        return [
+            (flow.arcs[a].source, flow.arcs[b].source)
+            for i, a in enumerate(ends)
+            for b in ends[i + 1 :]
+            if flow.arcs[a].source != flow.arcs[b].source and self.together[a] >> b & 1
+        ]
+
+
+def bits(mask: int) -> list[int]:
+    """Positions of the ones."""
+    found = []
+    while mask:
+        low = mask & -mask
+        found.append(low.bit_length() - 1)
+        mask ^= low
+    return found
