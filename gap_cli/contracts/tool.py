@@ -44,6 +44,24 @@ class ToolContext(Protocol):
         """Raise `CancelledError` when this node was told to stop; call it in long loops."""
 
 
+class ScriptContext(Protocol):
+    """What a skill script may use: tools, the robot's spec, the seed. `robot` is there for canonical scripts only."""
+
+    seed: int
+
+    def tool(self, name: str, /, **inputs: Any) -> Any:
+        """Call a tool of the skill's list; its bare value or a NamedTuple. Raises what the tool raises."""
+
+    def robot(self, arm_id: int = 0) -> RobotSpec:
+        """The spec of one arm."""
+
+    def publish(self, value: Any) -> None:
+        """Make `value` the latest of this streaming node."""
+
+    def raise_if_cancelled(self) -> None:
+        """Raise `CancelledError` when this node was told to stop; call it in long loops."""
+
+
 @dataclass(frozen=True)
 class Param:
     """One input of a tool or script: its type and its default (`REQUIRED` when there is none)."""
