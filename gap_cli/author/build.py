@@ -1,0 +1,99 @@
+"""From a plan to a workflow: every segment's builder code, run in the sandbox, assembled, validated, or refused."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from gap_cli.author.plans import Plan, Segment
+from gap_cli.author.segment import render_checkpoint_file, render_subgraph, script_path
+from gap_cli.contracts.documents import read_text
+from gap_cli.contracts.task import Task
+from gap_cli.contracts.tool import ToolSpec
+from gap_cli.errors import RunError, WorkflowError
+from gap_cli.graph.assemble import assembled_lines
+from gap_cli.graph.builder import assemble
+from gap_cli.graph.catalog import Catalog
+from gap_cli.graph.checkpoints import parse_checkpoints
+from gap_cli.graph.findings import Finding
+from gap_cli.graph.model import Workflow
+from gap_cli.graph.scripts import read_signature
+from gap_cli.graph.validate import validate
+from gap_cli.sandbox import run_builder
+from gap_cli.skills import SkillLibrary
+
+
+@dataclass(frozen=True)
+class Generated:
+    """A valid workflow and what it was made of: builder code by subgraph, scripts by path, checkpoint files by
+    subgraph; `findings` are the validator's notes."""
+
+    workflow: Workflow
+    sources: dict[str, str] = field(repr=False)
+    scripts: dict[str, str] = field(repr=False)
+    checkpoints: dict[str, str] = field(repr=False)
+    findings: list[Finding]
+
+
+def build(
+    plan: Plan | Mapping[str, Any],
+    task: Task,
+    library: SkillLibrary,
+    tools: Mapping[str, ToolSpec],
+    *,
+    unsafe: bool = False,
+) -> Generated:
+    """Write, run, join and judge the graph of a plan.
+
+    Raises `WorkflowError` with all findings when the validator refuses it, `SandboxError` when builder code breaks the
+    rules, `DocumentError` for a skill's template that cannot be rendered.
+    """
+    plan = plan if isinstance(plan, Plan) else Plan.load(plan)
+    spec = run_builder(plan.source, unsafe=unsafe, expect="spec")
+    segments = _segments(plan, spec)
+    sources = {s.name: render_subgraph(s, library.find(s.skill)) for s in segments}
+    built = {name: run_builder(source, unsafe=unsafe, expect="sg") for name, source in sources.items()}
+    workflow = assemble(spec, built)
+    scripts = {
+        script_path(s.name, path.name): read_text(path)
+        for s in segments
+        for path in library.find(s.skill).scripts.values()
+    }
+    scripts = {path: text for path, text in scripts.items() if path in _used(workflow)}
+    files = {s.name: render_checkpoint_file(s, library.find(s.skill), task) for s in segments}
+    checkpoints = {name: text for name, text in files.items() if text is not None}
+    catalog = Catalog(
+        tools,
+        library.contracts,
+        {path: read_signature(text, path) for path, text in scripts.items()},
+        known_objects(task),
+        {name: parse_checkpoints(text, f"checkpoints/{name}.py") for name, text in checkpoints.items()},
+        joints=frozenset(task.joints),
+    )
+    findings = validate(workflow, catalog, lines=assembled_lines(spec, built))
+    if any(f.severity == "error" for f in findings):
+        raise WorkflowError([f for f in findings if f.severity == "error"], what="The generated workflow")
+    return Generated(workflow, sources, scripts, checkpoints, findings)
+
+
+def known_objects(task: Task) -> frozenset[str]:
+    """Ids and labels a checkpoint may name."""
+    return frozenset(task.objects) | {model.label for model in task.objects.values()}
+
+
+def _segments(plan: Plan, spec: Mapping[str, Any]) -> list[Segment]:
+    """The segments in the order the topology declares them; both must speak of the same ones."""
+    by_name = {s.name: s for s in plan.content.segments}
+    declared = list(spec["def"]["subgraphs"])
+    strange = sorted(set(declared) ^ set(by_name))
+    if strange:
+        where = "spec.py" if strange[0] in declared else "plan.json"
+        raise RunError(
+            f"Segment {strange[0]!r} is only in plan/{where}.", hint="Run gap plan again, or edit both files alike."
+        )
+    return [by_name[name] for name in declared]
+
+
+def _used(workflow: Workflow) -> set[str]:
+    return {node.script for d in workflow.subgraphs.values() for node in d.nodes.values() if node.script}

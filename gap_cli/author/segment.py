@@ -1,0 +1,88 @@
+"""One segment as builder code: the skill's own template, filled with the names and objects of the plan."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gap_cli.author.plans import Segment
+from gap_cli.author.render import render_file
+from gap_cli.contracts.skill import SkillContract
+from gap_cli.contracts.task import Task
+from gap_cli.errors import DocumentError, GapError, UnknownNameError
+from gap_cli.graph.names import substitute
+from gap_cli.skills import SkillBundle
+
+
+def render_subgraph(segment: Segment, bundle: SkillBundle) -> str:
+    """Builder code of the segment. Raises `DocumentError` when the skill's template cannot give it."""
+    if bundle.template is None:
+        raise DocumentError(str(bundle.contract_file), "has no template", hint="Name one as template: in the contract.")
+    return render_file(bundle.template, **template_context(segment, bundle))
+
+
+def render_checkpoint_file(segment: Segment, bundle: SkillBundle, task: Task) -> str | None:
+    """The checkpoints sidecar of the segment; None for a skill without a checkpoint template."""
+    if bundle.checkpoints is None:
+        return None
+
+    def object_of(role: str) -> str:
+        return _lookup("role", role, segment.roles)
+
+    def label_of(role: str) -> str:
+        return task.objects[object_of(role)].label
+
+    return render_file(bundle.checkpoints, segment=segment.name, skill=bundle.name, object=object_of, label=label_of)
+
+
+def template_context(segment: Segment, bundle: SkillBundle) -> dict[str, Any]:
+    """What a subgraph template may use.
+
+    segment, skill, description    the subgraph's name, its skill, and what it is for
+    inputs                         spelled name -> type, in the contract's order: declare each with add_input
+    input(name), output(name)      how this segment spells a name of the contract (`<name>_obb` -> `target_obb`)
+    has_input(name)                whether an optional input is connected
+    literal(name)                  a literal of the contract, already written as Python
+    script(name)                   the path of a canonical script, already written as Python
+    exits, on_error                success exits and the failure exit
+    """
+    contract = bundle.contract
+
+    def spelled(kind: str, name: str, known: dict[str, str]) -> str:
+        return substitute(_lookup(kind, name, {n: n for n in known}), segment.names)
+
+    def script(name: str) -> str:
+        return repr(script_path(segment.name, _lookup("script", name, contract.scripts))).replace("'", '"')
+
+    return {
+        "segment": segment.name,
+        "skill": bundle.name,
+        "description": segment.description,
+        "inputs": segment.inputs,
+        "input": lambda name: spelled("input", name, contract.inputs),
+        "output": lambda name: spelled("output", name, contract.outputs),
+        "has_input": lambda name: spelled("input", name, contract.inputs) in segment.inputs,
+        "literal": lambda name: _literal(segment, contract, name),
+        "script": script,
+        "exits": segment.exits,
+        "on_error": segment.on_error,
+    }
+
+
+def script_path(segment: str, file: str) -> str:
+    """Where a canonical script lies in a run: beside the other scripts of its segment."""
+    return f"scripts/{segment}/{file.rpartition('/')[2]}"
+
+
+def _literal(segment: Segment, contract: SkillContract, name: str) -> str:
+    from gap_cli.author.render import literal
+
+    _lookup("literal", name, contract.literals)
+    if name not in segment.literals:
+        raise GapError(f"Segment {segment.name!r} gives no {name!r}, a literal of skill {segment.skill!r}.")
+    return literal(segment.literals[name])
+
+
+def _lookup(kind: str, name: str, known: dict[str, str]) -> str:
+    if name not in known:
+        raise UnknownNameError(kind, name, known)
+    return known[name]
