@@ -1,0 +1,123 @@
+"""Inverse kinematics: all solutions for many poses, or the one nearest to where the arm is.
+
+Closed forms where the arm has one (`ik_7r`, `ik_6r`), damped least squares from many seeds where it has not. Nothing
+is random: equal requests give equal answers.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gap_cli.contracts.types import Array
+from gap_motion import ik_7r
+from gap_motion.failures import joint_range, outside_limits, unreachable
+from gap_motion.ik_numeric import descend, spread
+from gap_motion.kinematics import Chain
+from gap_motion.paths import velocity_limits
+
+COARSE, FINE = 24, 10  # values of the free joint tried over its range, and around the best so far
+DENSE = 240  # values tried when the coarse ones give nothing: some poses leave the free joint a window of 1 degree
+SEEDS = 24  # of the numeric solver
+EDGE = 0.1  # rad: solutions closer than this to a joint limit cost extra
+EDGE_COST = 2.0  # s per rad inside the edge, on the scale of `cost`
+
+
+def candidates(chain: Chain, T: Array, near: Array, count: int = COARSE) -> Array:
+    """Configurations for each of M poses of the frame behind the last joint (M, 4, 4), in the base frame.
+
+    Returns (M, K, n), NaN where there is none. Limits are respected by the numeric solver only; see `inside`.
+    """
+    form = _closed_form(chain)
+    low, high = joint_range(chain.spec)
+    if form is not None:
+        free = np.concatenate([np.linspace(low[-1], high[-1], count), [near[-1]]])
+        return _seven(form, T, np.broadcast_to(free, (len(T), len(free))))
+    seeds = np.concatenate([near[None], spread(low, high, SEEDS)])
+    found = descend(chain, np.repeat(T, len(seeds), axis=0), np.tile(seeds, (len(T), 1)), (low, high))
+    return found.reshape(len(T), len(seeds), chain.dof)
+
+
+def inside(chain: Chain, q: Array, margin: float = 0.0) -> Array:
+    """Which configurations (..., n) are inside the joint limits by `margin` [rad]; NaN is not."""
+    low, high = joint_range(chain.spec)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(((q >= low + margin) & (q <= high - margin)).all(axis=-1))
+
+
+def cost(chain: Chain, q: Array, near: Array) -> Array:
+    """Distance of configurations (..., n) from `near` [s at full speed], plus a charge near limits; inf for NaN."""
+    low, high = joint_range(chain.spec)
+    away = np.sqrt((((q - near) / velocity_limits(chain.spec)) ** 2).sum(axis=-1))
+    edge = np.maximum(EDGE - np.minimum(q - low, high - q), 0.0).sum(axis=-1)
+    total = away + EDGE_COST * edge
+    return np.where(np.isnan(total), np.inf, total)
+
+
+def nearest(chain: Chain, T: Array, near: Array, what: str = "the pose") -> Array:
+    """The configuration (n,) for one pose (4, 4) of the frame behind the last joint that is cheapest from `near`.
+
+    Raises `PlanningError`: `unreachable`, or `limits` with the joint that is in the way.
+    """
+    found = candidates(chain, T[None], near)[0]
+    good = inside(chain, found)
+    form = _closed_form(chain)
+    if form is not None and not good.any():
+        found = candidates(chain, T[None], near, DENSE)[0]
+        good = inside(chain, found)
+    if not good.any():
+        raise _why_not(chain, T, found, near, what)
+    best = _cheapest(chain, found[good], near)
+    low, high = joint_range(chain.spec)
+    width = (high[-1] - low[-1]) / COARSE
+    while form is not None and width > 0.005:
+        free = np.clip(best[-1] + np.linspace(-width, width, FINE), low[-1], high[-1])
+        more = _seven(form, T[None], free[None])[0]
+        best = _cheapest(chain, np.concatenate([best[None], more[inside(chain, more)]]), near)
+        width *= 2.0 / (FINE - 1)
+    return best
+
+
+def free_joint_grid(chain: Chain, center: float, reach: float, count: int) -> Array | None:
+    """Values of the free joint around `center` [rad] inside its limits, or None for an arm without a closed form."""
+    if _closed_form(chain) is None:
+        return None
+    low, high = joint_range(chain.spec)
+    return np.clip(center + np.linspace(-reach, reach, count), low[-1], high[-1])
+
+
+def candidates_at(chain: Chain, T: Array, free: Array) -> Array:
+    """All branches for M poses with K values (M, K) of the free joint each: (M, K, branches, n), NaN where none."""
+    found = _seven(_closed_form(chain), T, free)
+    return found.reshape(len(T), free.shape[1], -1, chain.dof)
+
+
+def _cheapest(chain: Chain, q: Array, near: Array) -> Array:
+    return np.asarray(q[int(np.argmin(cost(chain, q, near)))])
+
+
+def _seven(form: Any, T: Array, free: Array) -> Array:
+    """All branches for M poses and K values of the last joint each: (M, K * branches, 7)."""
+    poses = np.repeat(T, free.shape[1], axis=0)
+    return ik_7r.solve(form, poses, free.reshape(-1)).reshape(len(T), -1, 7)
+
+
+_FORMS: dict[int, tuple[Chain, Any]] = {}
+
+
+def _closed_form(chain: Chain) -> Any:
+    if id(chain) not in _FORMS:
+        _FORMS[id(chain)] = (chain, ik_7r.geometry(chain))
+    return _FORMS[id(chain)][1]
+
+
+def _why_not(chain: Chain, T: Array, found: Array, near: Array, what: str) -> Exception:
+    outside = found[~np.isnan(found).any(axis=-1)]
+    if len(outside):
+        low, high = joint_range(chain.spec)
+        excess = np.maximum(low - outside, outside - high).max(axis=-1)
+        return outside_limits(chain.spec, outside[int(np.argmin(excess))], what)
+    _, positions = chain.frames(near)
+    links = np.linalg.norm(np.diff(positions[1:, 0], axis=0), axis=1).sum()
+    return unreachable(what, float(np.linalg.norm(T[:3, 3] - positions[1, 0])), float(links))

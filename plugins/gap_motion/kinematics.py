@@ -1,0 +1,178 @@
+"""Forward kinematics of an arm, vectorised over configurations, from its MJCF alone.
+
+Every link is fixed to the frame behind one arm joint, so a pose costs one product per joint. Rotations are (N, 3, 3),
+positions (N, 3), both in the arm's base frame unless a T_world_base is given. Finger joints stay where the jaw width
+puts them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gap_cli.contracts.failures import BadRequestError, did_you_mean
+from gap_cli.contracts.robot import RobotSpec
+from gap_cli.contracts.types import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A body: the arm joint it moves with (-1: none), its transform in the frame behind that joint, and, for a
+    finger, how far it moves per metre of jaw width, in the same frame."""
+
+    frame: int
+    transform: Array
+    slide: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """An arm's kinematics. `before[i]` is the fixed transform from the frame behind joint i-1 to joint i, turned so
+    that every joint rotates about its own z axis. `tcp` is T_flange_tcp behind the last joint."""
+
+    spec: RobotSpec
+    before: Array
+    links: dict[str, Link]
+    tcp: Array
+
+    @property
+    def dof(self) -> int:
+        """Number of arm joints."""
+        return len(self.before)
+
+    def frames(self, q: Array, base: Array | None = None) -> tuple[Array, Array]:
+        """Frames behind every joint for configurations (N, n): rotations (n, N, 3, 3) and positions (n, N, 3)."""
+        q = np.atleast_2d(q)
+        count = len(q)
+        cos, sin = np.cos(q).T[:, :, None], np.sin(q).T[:, :, None]
+        R = np.broadcast_to(np.eye(3) if base is None else base[:3, :3], (count, 3, 3))
+        p = np.broadcast_to(np.zeros(3) if base is None else base[:3, 3], (count, 3))
+        rotations, positions = np.empty((self.dof, count, 3, 3)), np.empty((self.dof, count, 3))
+        for i, T in enumerate(self.before):
+            p = p + (R.reshape(-1, 3) @ T[:3, 3]).reshape(count, 3)
+            turned = (R.reshape(-1, 3) @ T[:3, :3]).reshape(count, 3, 3)
+            R = rotations[i]
+            R[..., 0] = cos[i] * turned[..., 0] + sin[i] * turned[..., 1]
+            R[..., 1] = cos[i] * turned[..., 1] - sin[i] * turned[..., 0]
+            R[..., 2] = turned[..., 2]
+            positions[i] = p
+        return rotations, positions
+
+    def tcp_poses(self, q: Array, base: Array | None = None) -> Array:
+        """Homogeneous T_base_tcp (or T_world_tcp), shape (N, 4, 4)."""
+        return self.poses(q, self.tcp, base)
+
+    def poses(self, q: Array, offset: Array, base: Array | None = None) -> Array:
+        """Poses of a frame fixed behind the last joint by `offset` (4, 4); shape (N, 4, 4)."""
+        rotations, positions = self.frames(q, base)
+        return attach(rotations[-1], positions[-1], offset)
+
+    def link_offset(self, name: str) -> Array:
+        """Transform of a link behind the last joint, shape (4, 4). Raises `BadRequestError` (`unknown_link`)."""
+        last = {n: link for n, link in self.links.items() if link.frame == self.dof - 1}
+        if name not in last:
+            known = sorted(last)
+            raise BadRequestError(
+                "unknown_link",
+                f"{self.spec.name} has no link {name!r} beyond its last joint.",
+                hint=did_you_mean(name, known),
+            )
+        return last[name].transform
+
+    def jacobian(self, q: Array, offset: Array) -> tuple[Array, Array]:
+        """Pose (4, 4) and geometric Jacobian (6, n), linear rows first, of a frame behind the last joint, for one q."""
+        rotations, positions = self.frames(q)
+        T = attach(rotations[-1], positions[-1], offset)[0]
+        axes = rotations[:, 0, :, 2]
+        return T, np.concatenate([np.cross(axes, T[:3, 3] - positions[:, 0]), axes], axis=1).T
+
+
+def attach(R: Array, p: Array, offset: Array) -> Array:
+    """Homogeneous transforms (N, 4, 4) of (R, p) times a fixed (4, 4)."""
+    T = np.zeros((len(p), 4, 4))
+    T[:, :3, :3] = (R.reshape(-1, 3) @ offset[:3, :3]).reshape(-1, 3, 3)
+    T[:, :3, 3] = p + (R.reshape(-1, 3) @ offset[:3, 3]).reshape(-1, 3)
+    T[:, 3, 3] = 1.0
+    return T
+
+
+_CHAINS: dict[int, Chain] = {}  # by id of the spec, which the chain keeps alive
+
+
+def chain(spec: RobotSpec) -> Chain:
+    """The chain of a robot, read once per process."""
+    if id(spec) not in _CHAINS:
+        import mujoco
+
+        _CHAINS[id(spec)] = read_chain(spec, mujoco.MjModel.from_xml_path(str(spec.model_file)))
+    return _CHAINS[id(spec)]
+
+
+def read_chain(spec: RobotSpec, model: Any) -> Chain:
+    """Walk the model's bodies from the base link outwards. Raises ValueError where an arm joint is not a hinge."""
+    import mujoco
+
+    base = model.body(spec.base_link).id
+    frame_of: dict[int, Link] = {base: Link(-1, np.eye(4), np.zeros(3))}
+    before: list[Array] = []
+    for body in range(base + 1, model.nbody):
+        parent = frame_of.get(int(model.body_parentid[body]))
+        if parent is None:
+            continue
+        T = parent.transform @ _transform(model.body_pos[body], model.body_quat[body])
+        frame, slide = parent.frame, parent.slide
+        for joint in range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body]):
+            name = model.joint(joint).name
+            if name in spec.joints:
+                if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_HINGE:
+                    raise ValueError(f"{spec.name}: joint {name!r} is not a hinge")
+                align = _align(model.jnt_pos[joint], model.jnt_axis[joint])
+                before.append(T @ align)
+                T, frame = np.linalg.inv(align), len(before) - 1
+            elif name in spec.gripper.joints:
+                slide = slide + T[:3, :3] @ model.jnt_axis[joint] / len(spec.gripper.joints)
+        frame_of[body] = Link(frame, T, slide)
+    links = {model.body(body).name: link for body, link in frame_of.items()}
+    tcp = links[spec.flange_link].transform @ tcp_matrix(spec)
+    return Chain(spec, np.array(before), links, tcp)
+
+
+def tcp_matrix(spec: RobotSpec) -> Array:
+    """T_flange_tcp, shape (4, 4)."""
+    return _transform(np.array(spec.tcp_offset_position), np.array(spec.tcp_offset_quaternion))
+
+
+def sphere_centers(spec: RobotSpec, joints: Sequence[float] | Array, width: float | None = None) -> Array:
+    """Centres of the spec's spheres in the arm's base frame at one configuration, shape (len(spec.spheres), 3) [m].
+
+    `width` is the jaw opening [m], by default fully open.
+    """
+    arm = chain(spec)
+    rotations, positions = arm.frames(np.asarray(joints, dtype=float))
+    opening = spec.gripper.max_width if width is None else width
+    out = np.empty((len(spec.spheres), 3))
+    for k, sphere in enumerate(spec.spheres):
+        link = arm.links[sphere.link]
+        local = link.transform[:3, :3] @ sphere.center + link.transform[:3, 3] + link.slide * opening
+        out[k] = local if link.frame < 0 else rotations[link.frame, 0] @ local + positions[link.frame, 0]
+    return out
+
+
+def _transform(position: Array, quaternion: Array) -> Array:
+    T = np.eye(4)
+    T[:3, :3] = Rotation.from_quat(np.asarray(quaternion)[[1, 2, 3, 0]]).as_matrix()
+    T[:3, 3] = position
+    return T
+
+
+def _align(position: Array, axis: Array) -> Array:
+    """A frame at the joint's anchor whose z axis is the joint's."""
+    T = np.eye(4)
+    T[:3, 3] = position
+    if axis[2] < 1 - 1e-12:
+        T[:3, :3] = Rotation.align_vectors([axis], [[0.0, 0.0, 1.0]])[0].as_matrix()
+    return T

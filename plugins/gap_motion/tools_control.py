@@ -1,0 +1,147 @@
+"""`robot_control.*` for one arm: every motion is planned, timed and checked whole before the arm is asked to move."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from gap_cli.contracts.failures import BadRequestError, PlanningError
+from gap_cli.contracts.tool import ToolContext, tool
+from gap_cli.contracts.types import WORLD, Array, JointState, Se3Pose, Trajectory, Vec3
+from gap_motion import moves
+from gap_motion.envelope import refuse
+from gap_motion.requests import Cell, arm_of, finite, joints_of, pose_matrix, positive, trajectory_of
+from gap_motion.timing import point_to_point
+
+ARM = ("arm:0", "clock")
+
+
+class Pose(NamedTuple):
+    """A pose of the TCP."""
+
+    pose: Annotated[Se3Pose, WORLD]
+
+
+@tool("robot_control.GetEEPose", effect="sense")
+def get_ee_pose(ctx: ToolContext, arm_id: int = 0) -> Pose:
+    """T_world_tcp of one arm now, from its joint sensors."""
+    return Pose(arm_of(ctx, arm_id).state().ee_pose)
+
+
+@tool("robot_control.GoToPose", effect="actuate", resources=ARM, deadline_s=60.0)
+def go_to_pose(
+    ctx: ToolContext,
+    pose: Annotated[Se3Pose, WORLD],
+    z_approach: float = 0.0,
+    tcp_offset: Vec3 | None = None,
+    tolerance: float = 0.01,
+    max_steps: int = 120,
+    nonblocking: bool = False,
+) -> None:
+    """Move the TCP to a pose by joint motion to the nearest IK solution, with no collision avoidance.
+
+    With `z_approach` [m] it first goes to the pose backed off by that much along the TCP's approach axis, then straight
+    in. `tcp_offset` [m] is the flange seen from the TCP, along the TCP's axes; by default the robot's own TCP is meant.
+    Done when every joint is within `tolerance` [rad]. One of `max_steps` is 50 ms of planned motion. `nonblocking`
+    lets a cell whose arm has a `start` return while it moves; where world time passes only inside commands, as in a
+    simulator, the motion is over when this returns.
+    Raises `BadRequestError`, `PlanningError` (`unreachable`, `limits`, `no_path`, `budget`), `MotionError`.
+    """
+    cell = Cell.of(ctx, 0)
+    if finite(z_approach, "z_approach") < 0:
+        raise BadRequestError("range", f"z_approach must not be negative, got {z_approach}.")
+    target = cell.last_frame(pose_matrix(pose, "pose"), tcp_offset)
+    start = cell.joints()
+    trajectory = moves.within_steps(moves.to_pose(cell, start, target, z_approach), max_steps)
+    _run(ctx, cell, trajectory, start, tolerance, nonblocking)
+
+
+@tool("robot_control.GoToPoseCartesian", effect="actuate", resources=ARM, deadline_s=60.0)
+def go_to_pose_cartesian(
+    ctx: ToolContext,
+    pose: Annotated[Se3Pose, WORLD],
+    lin_vel_norm: float = 1.0,
+    ang_vel_norm: float = 2.0,
+    timeout_s: float = 20,
+) -> None:
+    """Move the TCP along a straight line to a pose, turning at a constant axis, with no collision avoidance.
+
+    `lin_vel_norm` [m/s] and `ang_vel_norm` [rad/s] bound the TCP's speed; the joints' own limits may make it slower.
+    Refused before it starts when it would take longer than `timeout_s` [s].
+    Raises `BadRequestError`, `PlanningError` (`unreachable`, `limits`, `no_path`, `budget`), `MotionError`.
+    """
+    cell = Cell.of(ctx, 0)
+    speed, turning = positive(lin_vel_norm, "lin_vel_norm"), positive(ang_vel_norm, "ang_vel_norm")
+    target = cell.last_frame(pose_matrix(pose, "pose"))
+    start = cell.joints()
+    trajectory = moves.straight(cell, start, target, speed=speed, turning=turning)
+    if trajectory.duration > positive(timeout_s, "timeout_s"):
+        raise PlanningError("budget", f"The line takes {trajectory.duration:.2f} s, more than timeout_s = {timeout_s}.")
+    _run(ctx, cell, trajectory, start)
+
+
+@tool("robot_control.ExecuteJointTrajectory", effect="actuate", resources=ARM, deadline_s=120.0)
+def execute_joint_trajectory(
+    ctx: ToolContext, trajectory: Trajectory, subsample: int = 1, tolerance: float = 0.01
+) -> None:
+    """Track a planned joint trajectory that starts where the arm is; done within `tolerance` [rad] of its end.
+
+    Of its points only every `subsample`-th is kept, and the last. Raises `BadRequestError`, `MotionError` (`refused`
+    when it leaves a limit or the workspace; nothing has moved then).
+    """
+    cell = Cell.of(ctx, 0)
+    if subsample < 1:
+        raise BadRequestError("range", f"subsample must be at least 1, got {subsample}.")
+    planned = trajectory_of(trajectory, cell.spec)
+    keep = np.unique(np.append(np.arange(0, len(planned.times), subsample), len(planned.times) - 1))
+    velocities = None if planned.velocities is None else planned.velocities[keep]
+    start = cell.joints()
+    _run(ctx, cell, Trajectory(planned.times[keep], planned.positions[keep], velocities), start, tolerance)
+
+
+@tool("robot_control.MoveToJoints", effect="actuate", resources=ARM, deadline_s=60.0)
+def move_to_joints(ctx: ToolContext, joint_config: JointState, tolerance: float = 0.01, max_steps: int = 120) -> None:
+    """Move straight in joint space to a configuration, as fast as the limits allow, with no collision avoidance.
+
+    One of `max_steps` is 50 ms of planned motion. Raises `BadRequestError`, `PlanningError` (`budget`), `MotionError`.
+    """
+    cell = Cell.of(ctx, 0)
+    goal = joints_of(joint_config, cell.spec, "joint_config")
+    start = cell.joints()
+    _run(
+        ctx, cell, moves.within_steps(point_to_point(cell.chain, np.stack([start, goal])), max_steps), start, tolerance
+    )
+
+
+@tool("robot_control.GoHome", effect="actuate", resources=ARM, deadline_s=60.0)
+def go_home(ctx: ToolContext) -> None:
+    """Move arm 0 straight in joint space to its home configuration: the task's, or else the robot's own."""
+    cell = Cell.of(ctx, 0)
+    home = np.array(ctx.task.robots[0].home or cell.spec.home)
+    start = cell.joints()
+    _run(ctx, cell, point_to_point(cell.chain, np.stack([start, home])), start)
+
+
+def _run(
+    ctx: ToolContext, cell: Cell, planned: Trajectory, start: Array, tolerance: float = 0.01, nonblocking: bool = False
+) -> None:
+    ctx.raise_if_cancelled()
+    refuse(cell, planned, ctx.task, start)
+    if len(planned.times) < 2:
+        return
+    begin = getattr(cell.arm, "start", None) if nonblocking else None
+    if begin is not None:
+        begin(planned, tolerance=tolerance)
+    else:
+        cell.arm.execute(planned, tolerance=tolerance)
+
+
+TOOLS = (
+    get_ee_pose,
+    go_to_pose,
+    go_to_pose_cartesian,
+    execute_joint_trajectory,
+    move_to_joints,
+    go_home,
+)
