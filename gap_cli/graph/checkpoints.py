@@ -17,7 +17,7 @@ from typing import Any
 
 from gap_cli.contracts.documents import check_text
 from gap_cli.contracts.failures import DocumentError
-from gap_cli.graph.predicates import evaluate
+from gap_cli.contracts.predicates import evaluate
 
 __all__ = ["MAX_CHECKPOINTS", "Checkpoint", "evaluate", "parse_checkpoints", "render_checkpoints", "unique"]
 

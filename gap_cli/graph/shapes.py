@@ -10,6 +10,7 @@ from typing import Any
 from gap_cli.contracts import tool
 from gap_cli.contracts.codec import from_plain
 from gap_cli.contracts.failures import BadRequestError, did_you_mean
+from gap_cli.contracts.skill import Parameter
 from gap_cli.contracts.typeref import TypeRef
 from gap_cli.graph.catalog import Callee
 from gap_cli.graph.refs import KEY
@@ -79,6 +80,12 @@ def _step(shape: Shape, name: str, what: str) -> Shape:
         raise NoSuchFieldError(f"{what} is a {kind} and has no {name!r}", hint)
     found = known[name]
     return Shape(replace(found, optional=found.optional or kind.optional), unit=unit)
+
+
+def parameter_shape(parameter: Parameter) -> Shape:
+    """What `param.<name>` is."""
+    words = {"": tuple(parameter.choices)} if parameter.choices else {}
+    return Shape(TypeRef(parameter.type), choices=words, unit=parameter.unit)
 
 
 _UNITS = {"m": "m", "mm": "mm", "cm": "cm", "s": "s", "ms": "ms", "deg": "deg", "rad": "rad", "hz": "Hz", "kg": "kg"}

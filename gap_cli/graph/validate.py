@@ -9,11 +9,23 @@ from gap_cli.errors import WorkflowError
 from gap_cli.graph.catalog import Catalog
 from gap_cli.graph.findings import Finding
 from gap_cli.graph.model import Workflow
-from gap_cli.graph.rules import dataflow, exits, kinds, structure, topology
+from gap_cli.graph.rules import (
+    data,
+    dataflow,
+    exits,
+    kinds,
+    privilege,
+    promises,
+    resources,
+    routing,
+    skills,
+    structure,
+    topology,
+)  # fmt: skip
 from gap_cli.graph.scope import Whole
 
-_FAMILIES = (structure, exits, kinds, dataflow)
-_TOP_FAMILIES = (kinds, topology, dataflow)
+_FAMILIES = (structure, exits, kinds, dataflow, data, routing, resources, privilege, skills, promises)
+_TOP_FAMILIES = (kinds, topology, dataflow, privilege, skills)
 
 
 def validate(workflow: Workflow, catalog: Catalog, lines: Mapping[str, int] | None = None) -> list[Finding]:
