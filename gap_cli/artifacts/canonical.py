@@ -11,6 +11,7 @@ import yaml
 
 from gap_cli.artifacts.atomic import replace_files
 from gap_cli.contracts.codec import to_plain
+from gap_cli.contracts.documents import ambiguous
 
 DIGITS = 6  # of a float: micrometres, microradians, microseconds
 WIDTH = 110  # a list or mapping of scalars that fits in this many columns stays on one line
@@ -74,7 +75,7 @@ class _Dumper(yaml.SafeDumper):
         return True
 
     def represent_str(self, data: str) -> Any:
-        quote = '"' if data.lower() in ("y", "n") else None
+        quote = '"' if ambiguous(data) else None
         return self.represent_scalar("tag:yaml.org,2002:str", data, style=quote)
 
 

@@ -1,8 +1,8 @@
 """Strict reading of YAML and JSON: what a lenient parser would guess at is an error here, with its line.
 
-YAML traps refused: duplicate keys, aliases, tabs, `no`/`yes`/`on`/`off` as booleans, sexagesimal and date scalars,
-non-string keys, non-UTF-8, NUL, several documents, custom tags, nesting deeper than `MAX_DEPTH`. JSON likewise:
-duplicate keys, NaN and Infinity, nesting, size.
+YAML traps refused: duplicate keys, aliases, tabs, `no`/`yes`/`on`/`off` as booleans, sexagesimal, octal and date
+scalars, `1e3` (text to YAML 1.1), non-string keys, non-UTF-8, invisible characters, several documents, tags, nesting
+deeper than `MAX_DEPTH`. JSON likewise: duplicate keys, NaN and Infinity, 65-bit integers, half surrogates, nesting.
 """
 
 from __future__ import annotations
@@ -19,9 +19,18 @@ from gap_cli.contracts.failures import DocumentError
 
 MAX_DEPTH = 64
 MAX_BYTES = 8_000_000
+MAX_YAML = 1_000_000  # a person writes less, and the strict loader reads about 1 MB in ten seconds
 _AMBIGUOUS_BOOL = {"yes", "no", "on", "off", "y", "n"}
 _SEXAGESIMAL = re.compile(r"^[-+]?\d+(:[0-5]?\d)+(\.\d*)?$")
-_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\u200b-\u200f\u202a-\u202e\u2066-\u2069\ufeff]")
+_DECIMAL = re.compile(r"^[-+]?(0|[1-9][0-9]*)$")
+_TEXT_NUMBER = re.compile(r"^[-+]?(0|[1-9][0-9]*)(\.[0-9]*)?[eE][-+]?[0-9]+$")
+_CONTROL = re.compile(
+    "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x84\x86-\x9f\xad\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb"
+    "\ud800-\udfff\U000e0000-\U000e007f]"
+)
+_PLAIN_FLOAT = re.compile(r"\.(inf|nan)$", re.IGNORECASE)
+_SURROGATE = re.compile("[\ud800-\udfff]")
+INT64 = range(-(2**63), 2**63)
 
 
 def read_text(path: Path) -> str:
@@ -52,11 +61,20 @@ def check_text(text: str, where: str) -> str:
     return text
 
 
+def ambiguous(text: str) -> bool:
+    """True for a word that the strict reader accepts only in quotes although YAML 1.1 would call it text."""
+    return text.lower() in _AMBIGUOUS_BOOL or bool(_TEXT_NUMBER.match(text) or _SEXAGESIMAL.match(text))
+
+
 class _StrictLoader(yaml.SafeLoader):
     """SafeLoader that refuses what YAML 1.1 would silently reinterpret."""
 
     where = "yaml"
     depth = 0
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self.keys: set[int] = set()  # nodes that are keys: there `y` can only be a word
 
     def refuse(self, node: Any, problem: str, hint: str = "") -> NoReturn:
         """Raise with the line of the node or event."""
@@ -66,6 +84,8 @@ class _StrictLoader(yaml.SafeLoader):
         event = self.peek_event()  # type: ignore[no-untyped-call]
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
             self.refuse(event, "uses an anchor or alias", "Write the value out.")
+        if getattr(event, "tag", None) is not None:
+            self.refuse(event, f"uses the tag {event.tag}", "Write the plain value.")
         self.depth += 1
         if self.depth > MAX_DEPTH:
             self.refuse(event, f"is nested deeper than {MAX_DEPTH} levels")
@@ -77,30 +97,41 @@ class _StrictLoader(yaml.SafeLoader):
     def construct_object(self, node: Any, deep: bool = False) -> Any:
         if isinstance(node, yaml.MappingNode):
             seen: set[str] = set()
+            self.keys.update(id(key) for key, _ in node.value)
             for key, _ in node.value:
                 if not isinstance(key, yaml.ScalarNode) or key.tag != "tag:yaml.org,2002:str":
                     self.refuse(key, f"key {getattr(key, 'value', '?')!r} is not text", "Quote it.")
                 if key.value in seen:
                     self.refuse(key, f"key {key.value!r} appears twice")
                 seen.add(key.value)
-        elif isinstance(node, yaml.ScalarNode) and node.style is None:
-            self._check_plain(node)
+        elif isinstance(node, yaml.ScalarNode):
+            found = _CONTROL.search(node.value)
+            if found:
+                self.refuse(node, f"holds the invisible character U+{ord(found[0]):04X}")
+            if node.style is None:
+                self._check_plain(node)
         return super().construct_object(node, deep)
 
     def _check_plain(self, node: yaml.ScalarNode) -> None:
-        text = node.value
-        if text.lower() in _AMBIGUOUS_BOOL:
+        text, kind = node.value, node.tag.rpartition(":")[2]
+        if text.lower() in _AMBIGUOUS_BOOL and id(node) not in self.keys:
             self.refuse(node, f"{text} could mean a boolean or a word", f'Write "{text}" or true/false.')
-        if node.tag == "tag:yaml.org,2002:timestamp" or _SEXAGESIMAL.match(text):
+        if kind == "timestamp" or _SEXAGESIMAL.match(text):
             self.refuse(node, f"{text} would be read as a time", f'Write "{text}".')
-        if node.tag == "tag:yaml.org,2002:float" and not math.isfinite(
-            float(text.replace("_", "").replace(".inf", "inf").replace(".nan", "nan"))
-        ):
-            self.refuse(node, f"{text} is not a finite number")
+        if kind == "int" and not _DECIMAL.match(text):
+            self.refuse(node, f"{text} is not a decimal integer", f'Write it in decimal, or "{text}" for a word.')
+        if kind == "int" and (len(text) > 20 or int(text) not in INT64):
+            self.refuse(node, f"{text[:24]} does not fit into 64 bits")
+        if kind == "str" and _TEXT_NUMBER.match(text):
+            self.refuse(node, f"{text} would be read as text", "Write a point and a sign, as in 1.0e+3.")
+        if kind == "float" and ("_" in text or not math.isfinite(float(_PLAIN_FLOAT.sub(r"\1", text)))):
+            self.refuse(node, f"{text} is not a finite decimal number")
 
 
 def parse_yaml(text: str, where: str) -> Any:
     """Strictly parse one YAML document. Raises `DocumentError` with the line."""
+    if len(text) > MAX_YAML:
+        raise DocumentError(where, f"is longer than {MAX_YAML // 1_000_000} MB")
     loader = _StrictLoader(check_text(text, where))
     loader.where = where
     try:
@@ -132,14 +163,40 @@ def parse_json(text: str, where: str) -> Any:
 
     def number(text: str) -> float:
         value = float(text)
-        return value if math.isfinite(value) else constant(text)
+        return value if math.isfinite(value) else constant(text[:24])
+
+    def integer(text: str) -> int:
+        if len(text) > 20 or int(text) not in INT64:
+            raise DocumentError(where, f"{text[:24]} does not fit into 64 bits")
+        return int(text)
 
     try:
-        return json.loads(text, object_pairs_hook=pairs, parse_constant=constant, parse_float=number)
+        data = json.loads(text, object_pairs_hook=pairs, parse_constant=constant, parse_float=number, parse_int=integer)
     except json.JSONDecodeError as error:
         raise DocumentError(f"{where}:{error.lineno}", f"is not JSON: {error.msg}") from None
     except (RecursionError, ValueError) as error:
         raise DocumentError(where, f"is not JSON: {type(error).__name__}") from None
+    _check_tree(data, where)
+    return data
+
+
+def _check_tree(data: Any, where: str) -> None:
+    """Refuse what parsed but would break whoever walks or writes it: depth, and halves of surrogate pairs."""
+    layer, depth = [data], 0
+    while layer:
+        depth += 1
+        if depth > MAX_DEPTH:
+            raise DocumentError(where, f"is nested deeper than {MAX_DEPTH} levels")
+        below: list[Any] = []
+        for item in layer:
+            if isinstance(item, dict):
+                below.extend(item)
+                below.extend(item.values())
+            elif isinstance(item, list):
+                below.extend(item)
+            elif isinstance(item, str) and not item.isascii() and _SURROGATE.search(item):
+                raise DocumentError(where, "holds half of a surrogate pair")
+        layer = below
 
 
 def read_yaml(path: Path) -> Any:
