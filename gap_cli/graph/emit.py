@@ -1,0 +1,69 @@
+"""Tells the observers what happens. They can neither change it nor, unless they are `essential`, stop it."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from time import monotonic
+from types import MappingProxyType
+from typing import Any
+
+from gap_cli.contracts.world import World
+from gap_cli.graph.attempt import Attempt
+from gap_cli.graph.events import Event, EventKind, Observer
+
+log = logging.getLogger(__name__)
+
+
+class Emitter:
+    """Numbers events and hands them to each observer in turn. False when nobody listens."""
+
+    def __init__(self, observers: Sequence[Observer], world: World | None) -> None:
+        self._observers = list(observers)
+        self._world = world
+        self._start = monotonic()
+        self._seq = 0
+        self.essential_errors: list[Exception] = []
+
+    def __bool__(self) -> bool:
+        return bool(self._observers)
+
+    def emit(self, kind: EventKind, path: str, at: float | None = None, /, **data: Any) -> None:
+        """Send one event. An observer that raises is dropped; if it is `essential` the run ends with its error."""
+        if not self._observers:
+            return
+        world_time = None if self._world is None else self._world.time
+        t = (monotonic() if at is None else at) - self._start
+        event = Event(self._seq, t, kind, path, world_time, MappingProxyType(data))
+        self._seq += 1
+        for observer in tuple(self._observers):
+            try:
+                observer(event)
+            except Exception as error:
+                self._observers.remove(observer)
+                if getattr(observer, "essential", False):
+                    self.essential_errors.append(error)
+                    raise
+                log.warning("observer %r dropped: %s", observer, error)
+
+    def attempt_ended(self, attempt: Attempt) -> None:
+        """The buffered tool calls of a node, then how it ended."""
+        path = attempt.node.path
+        for name, start, data in attempt.calls or ():
+            self.emit("tool_called", path, start, tool=name, inputs=MappingProxyType(data["inputs"]))
+            self.emit(
+                "tool_returned", path, start + data["duration_s"], **{k: v for k, v in data.items() if k != "inputs"}
+            )
+        numbers = {
+            "attempt": attempt.id,
+            "inputs": MappingProxyType(attempt.inputs),
+            "duration_s": max(0.0, attempt.ended - attempt.started) if attempt.started else 0.0,
+            "compute_s": attempt.compute_s,
+            "send": attempt.send and attempt.send[1],
+        }
+        if attempt.error is None:
+            self.emit("node_finished", path, output=attempt.value, **numbers)
+        elif attempt.stopped:
+            self.emit("node_cancelled", path, error=attempt.error, reason=attempt.cancelled, **numbers)
+        else:
+            self.emit("node_failed", path, error=attempt.error, **numbers)
