@@ -20,6 +20,14 @@ def gap_register_checks(register: Register) -> None:
 
 
 @hookimpl
+def gap_register_tools(register: Register) -> None:
+    from gap_mujoco.tools import TOOLS
+
+    for tool in TOOLS:
+        register(tool)
+
+
+@hookimpl
 def gap_register_worlds(register: Register) -> None:
     register("mujoco", _world)
 

@@ -36,7 +36,6 @@ class Jaws:
         physics.forward()
         self._ratio = float(physics.data.actuator_length[self._actuator]) / spec.gripper.max_width
         self._setpoint = self._target = spec.gripper.max_width
-        self._force = DEFAULT_FORCE
         self._still = self._waited = 0
 
     @property
@@ -51,12 +50,9 @@ class Jaws:
         return GripperState(self.width, self.width / self._spec.max_width, max(0.0, force))
 
     def place_open(self) -> None:
-        """Write the open position. Only a reset may."""
+        """Write the open position and hold it with the default force. Only a reset may."""
         self._physics.data.qpos[self._q] = self._open
-
-    def rest(self) -> None:
-        """Hold the opening there is now, with the default force."""
-        self._setpoint = self._target = self.width
+        self._setpoint = self._target = self._spec.max_width
         self._limit(DEFAULT_FORCE)
 
     def halt(self) -> None:
@@ -96,5 +92,4 @@ class Jaws:
         return (lagging and self._still >= _STILL_STEPS) or self._waited * TIMESTEP > longest
 
     def _limit(self, force: float) -> None:
-        self._force = force
         self._physics.model.actuator_forcerange[self._actuator] = np.array([-force, force]) / self._ratio

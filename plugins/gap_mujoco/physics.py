@@ -9,7 +9,7 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
-from gap_cli.contracts.failures import SimulationDivergedError
+from gap_cli.contracts.failures import GapError, SimulationDivergedError
 from gap_mujoco.compiled import TIMESTEP
 from gap_mujoco.scene import Scene
 
@@ -23,9 +23,6 @@ class Controller(Protocol):
     def drive(self) -> None:
         """Write this step's controls."""
 
-    def rest(self) -> None:
-        """Forget all commands and hold where the joints are now."""
-
 
 class Physics:
     """State and clock of a compiled cell. `observers` are called after every step and must not change anything."""
@@ -35,6 +32,7 @@ class Physics:
         self.controllers: Sequence[Controller] = ()
         self.observers: list[Callable[[], None]] = []
         self._steps = 0
+        self.placed = False  # before the first reset there is nothing to simulate
 
     @property
     def time(self) -> float:
@@ -55,7 +53,8 @@ class Physics:
         self.data.time = 0.0
 
     def step(self) -> None:
-        """One time step. Raises `SimulationDivergedError`."""
+        """One time step. Raises `SimulationDivergedError`, or `GapError` before the first reset."""
+        self.require_placed()
         for controller in self.controllers:
             controller.drive()
         before = self.data.time
@@ -67,6 +66,11 @@ class Physics:
             self.check()
         for observer in tuple(self.observers):
             observer()
+
+    def require_placed(self) -> None:
+        """Raise `GapError` before the first reset."""
+        if not self.placed:
+            raise GapError("The world is empty until it is reset.", hint="Call world.reset(world.sample(seed)).")
 
     def run(self, seconds: float) -> None:
         """Let `seconds` of world time pass, in whole steps."""

@@ -12,7 +12,7 @@ from gap_cli.contracts.failures import UnknownNameError
 from gap_cli.contracts.snapshot import ArmTruth, BodyState, WorldSnapshot
 from gap_cli.contracts.task import ObjectModel, Task
 from gap_cli.contracts.types import Array, OrientedBoundingBox, Quaternion, Se3Pose, Vec3
-from gap_mujoco.arm import SimArm
+from gap_mujoco.drive import Drive
 from gap_mujoco.physics import Physics
 from gap_mujoco.props import cavity
 from gap_mujoco.scene import Scene
@@ -21,8 +21,8 @@ from gap_mujoco.scene import Scene
 class Truth:
     """Takes snapshots of one cell."""
 
-    def __init__(self, task: Task, scene: Scene, physics: Physics, arms: tuple[SimArm, ...]) -> None:
-        self._physics, self._arms = physics, arms
+    def __init__(self, task: Task, scene: Scene, physics: Physics, drives: tuple[Drive, ...]) -> None:
+        self._physics, self._drives = physics, drives
         self._models: Mapping[str, ObjectModel] = {name: task.objects[name] for name in scene.objects}
         self._bodies = {name: physics.model.body(f"{name}/").id for name in scene.objects}
         self._owners = _owners(physics.model, scene)
@@ -34,7 +34,7 @@ class Truth:
         data = self._physics.data
         contacts = self._contacts()
         bodies = {name: self._body(name, contacts.get(name, set())) for name in self._models}
-        arms = tuple(ArmTruth(tuple(map(float, a.positions)), a.tcp(), a.width) for a in self._arms)
+        arms = tuple(ArmTruth(tuple(map(float, d.positions)), d.tcp(), d.jaws.width) for d in self._drives)
         joints = {name: float(data.qpos[address]) for name, address in self._joints.items()}
         return WorldSnapshot(self._physics.time, bodies, joints, arms, self._labels, start)
 
@@ -83,7 +83,7 @@ def _owners(model: Any, scene: Scene) -> list[str]:
 
 def _body_name(model: Any, scene: Scene, body: int) -> str:
     """'' for the world itself, whose geoms have names of their own."""
-    owner, _, link = model.body(body).name.partition("/")
+    owner, _, link = str(model.body(body).name).partition("/")
     if owner in scene.objects:
         return owner
     arms = [f"arm{i}" for i in range(len(scene.robots))]

@@ -16,6 +16,7 @@ from gap_cli.contracts.world import Instance, WorldFrame
 from gap_mujoco.arm import SimArm
 from gap_mujoco.belief import Belief
 from gap_mujoco.camera import Renderer, camera_pose, observe
+from gap_mujoco.drive import Drive
 from gap_mujoco.listeners import Ear
 from gap_mujoco.physics import Physics
 from gap_mujoco.scene import compose
@@ -31,7 +32,7 @@ class MujocoWorld:
 
     def __init__(self, task: Task, scene: str, robots: Mapping[str, RobotSpec]) -> None:
         self._thread = WorldThread("mujoco")
-        self._task, self._belief = task, Belief(task, scene, robots)
+        self._scene_name, self._belief = scene, Belief(task, scene, robots)
         self._renderer: Renderer | None = None
         self._start: WorldSnapshot | None = None
         self._closed = False
@@ -40,15 +41,21 @@ class MujocoWorld:
     def _build(self, task: Task, scene: str, robots: Mapping[str, RobotSpec]) -> None:
         self._scene = compose(task, scene, robots)
         self._physics = Physics(self._scene)
-        placed = enumerate(self._scene.robots)
-        self._arms = tuple(SimArm(i, spec, place, self._physics, self._thread) for i, (spec, place) in placed)
-        self._truth = Truth(task, self._scene, self._physics, self._arms)
-        self._physics.controllers = self._arms
+        placed = self._scene.robots
+        self._drives = tuple(Drive(i, spec, place, self._physics) for i, (spec, place) in enumerate(placed))
+        self._arms = tuple(SimArm(d, place, self._thread) for d, (_, place) in zip(self._drives, placed, strict=True))
+        self._truth = Truth(task, self._scene, self._physics, self._drives)
+        self._physics.controllers = self._drives
 
     @property
     def arms(self) -> Sequence[SimArm]:
         """By arm_id."""
         return self._arms
+
+    @property
+    def scene(self) -> str:
+        """Which scene of the task this is."""
+        return self._scene_name
 
     @property
     def time(self) -> float:
@@ -81,9 +88,10 @@ class MujocoWorld:
             data.joint(f"{name}/").qpos[:] = pose_qpos(pose)
         for name, value in instance.joints.items():
             data.qpos[self._truth.joint_address(name)] = value
-        for arm in self._arms:
-            arm.place_home()
+        for drive in self._drives:
+            drive.place_home()
         self._physics.forward()
+        self._physics.placed = True
         with self._physics.unobserved():
             self._come_to_rest(instance)
         self._physics.start_clock()
@@ -109,9 +117,10 @@ class MujocoWorld:
         return self._thread.call(self._observe, cameras)
 
     def _observe(self, cameras: Sequence[str] | None) -> Observation:
+        self._physics.require_placed()
         names = self.camera_names if cameras is None else cameras
         frames = tuple(self._frame(name) for name in names)
-        return Observation(frames, tuple(arm.read() for arm in self._arms), self.time)
+        return Observation(frames, tuple(drive.state() for drive in self._drives), self.time)
 
     def _frame(self, name: str) -> CameraObservation:
         if name not in self._scene.eyes:
@@ -139,6 +148,7 @@ class MujocoWorld:
     def snapshot(self) -> WorldSnapshot:
         """Ground truth. Raises `PrivilegedReadError` inside a policy node."""
         assert_privileged("the world's ground truth")
+        self._physics.require_placed()
         return self._thread.call(self._truth.snapshot, self._start)
 
     def subscribe(
