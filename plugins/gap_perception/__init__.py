@@ -7,8 +7,8 @@ from gap_cli.hookspecs import Register, hookimpl
 
 @hookimpl
 def gap_register_tools(register: Register) -> None:
-    from gap_perception import observation
+    from gap_perception import detect, language, observation, segment
 
-    for module in (observation,):
+    for module in (observation, detect, segment, language):
         for tool in module.TOOLS:
             register(tool)

@@ -14,12 +14,13 @@ from gap_cli.contracts.tool import ToolContext
 from gap_cli.contracts.types import ArmState, Array
 from gap_perception.frames import Scene
 from gap_perception.scene.blobs import Voxels, voxelise
-from gap_perception.scene.colours import perceptual
+from gap_perception.scene.colours import colour_words, perceptual
 from gap_perception.scene.explain import Instance, Measured, explain
 from gap_perception.scene.library import Appearance, build_library
 from gap_perception.scene.points import CameraPoints, lift
 from gap_perception.scene.selfmask import on_robot, robot_model, solids_of
 from gap_perception.scene.visibility import depth_view
+from gap_perception.vocabulary import Vocabulary, build_vocabulary
 
 MIN_PIXELS = 25  # an instance with fewer in a picture is not visible there
 
@@ -35,11 +36,12 @@ class Region(NamedTuple):
 
 @dataclass(frozen=True)
 class Analysis:
-    """What an observation shows: `instances`, largest first, their `centers` (n, 3) in the world [m], and one label
-    image (H, W) per camera with the instance's index, -1 elsewhere."""
+    """What an observation shows: `instances`, largest first, the `centers` and `sizes` (n, 3) of their points
+    along the world's axes [m], and one label image (H, W) per camera with the instance's index, -1 elsewhere."""
 
     instances: tuple[Instance, ...]
     centers: Array
+    sizes: Array
     labels: tuple[Array, ...]
     depths: tuple[Array, ...]
     library: Mapping[str, Appearance]
@@ -63,10 +65,26 @@ def has_depth(scene: Scene, camera: int) -> bool:
 
 def library_of(ctx: ToolContext) -> Mapping[str, Appearance]:
     """The looks of the task's object models, learned once per process."""
-    described = repr([(name, model.model_dump_json()) for name, model in sorted(ctx.task.objects.items())])
-    key = hashlib.sha256(described.encode()).hexdigest()[:16]
-    library: Mapping[str, Appearance] = ctx.shared(f"gap_perception.library:{key}", lambda: build_library(ctx.task))
+    library: Mapping[str, Appearance] = ctx.shared(
+        f"gap_perception.library:{_models_key(ctx.task)}", lambda: build_library(ctx.task)
+    )
     return library
+
+
+def vocabulary_of(ctx: ToolContext) -> Vocabulary:
+    """The words for the task's object models, colours included, gathered once per process."""
+
+    def make() -> Vocabulary:
+        colours = {name: colour_words(surface.colours) for name, surface in library_of(ctx).items()}
+        return build_vocabulary(ctx.task.objects, colours)
+
+    vocabulary: Vocabulary = ctx.shared(f"gap_perception.vocabulary:{_models_key(ctx.task)}", make)
+    return vocabulary
+
+
+def _models_key(task: Task) -> str:
+    described = repr([(name, model.model_dump_json()) for name, model in sorted(task.objects.items())])
+    return hashlib.sha256(described.encode()).hexdigest()[:16]
 
 
 def analyse(ctx: ToolContext, scene: Scene) -> Analysis:
@@ -92,8 +110,15 @@ def _analyse(ctx: ToolContext, scene: Scene) -> Analysis:
     for index, instance in enumerate(found):
         label_of[kept[instance.voxels]] = index
     labels = _label_images(lifted, label_of[voxels.of_point])
-    centers = np.array([measured.points[kept[i.voxels]].mean(axis=0) for i in found]).reshape(-1, 3)
-    return Analysis(tuple(found), centers, labels, tuple(c.depth.data for c in cameras), library)
+    low, high = _extents(measured.points[kept], found)
+    return Analysis(tuple(found), (low + high) / 2, high - low, labels, tuple(c.depth.data for c in cameras), library)
+
+
+def _extents(points: Array, found: Sequence[Instance]) -> tuple[Array, Array]:
+    """Lowest and highest coordinates of each instance's points, each (n, 3) [m]."""
+    low = np.array([points[i.voxels].min(axis=0) for i in found]).reshape(-1, 3)
+    high = np.array([points[i.voxels].max(axis=0) for i in found]).reshape(-1, 3)
+    return low, high
 
 
 def _measure(lifted: Sequence[CameraPoints], voxels: Voxels) -> Measured:

@@ -96,7 +96,8 @@ def _inner(mask: Array) -> Array:
     """The mask without its outermost pixels, whose normals straddle the background."""
     import cv2
 
-    return cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0).astype(bool)
+    inner = cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0)
+    return np.asarray(inner.astype(bool))
 
 
 def _weighted(values: Array, groups: Array, weights: Array) -> Array:

@@ -1,0 +1,129 @@
+"""Vision-language tools (`vlm.*`, `molmo.*`), embedded: plain questions answered from the scene analysis."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from gap_cli.contracts.failures import BadRequestError, PerceptionError
+from gap_cli.contracts.tool import ToolContext, tool
+from gap_cli.contracts.types import Image
+
+MAX_PROMPT = 8000  # characters
+
+
+class Pointed(NamedTuple):
+    """A pixel on the object, x to the right and y down; (0, 0) where `found` is false."""
+
+    pixel_x: int
+    pixel_y: int
+    found: bool
+
+
+@tool("vlm.Query")
+def vlm_query(ctx: ToolContext, prompt: str, image: Image | None = None) -> str:
+    """Answer a question about an image (default: the latest observation's first camera) in as few words as it takes.
+
+    Understood: is there / how many / what objects; what is this (a crop); is A left of, right of, in front of, behind,
+    in, on, above, below, near B; which (kind) is nearest to B; where is A; and "Which numbered box shows A?" followed
+    by lines "1: [x_min, y_min, x_max, y_max]", answered by a number or "none". Anything else is answered by
+    "cannot answer: ..." with the reason.
+    Raises `BadRequestError` for an empty prompt, or without an image when nothing was observed yet.
+    """
+    return _ask(ctx, prompt, image)
+
+
+@tool("vlm.QueryYesNo")
+def vlm_query_yes_no(ctx: ToolContext, prompt: str, image: Image | None = None) -> bool:
+    """Answer a yes-no question about an image (default: the latest observation's first camera).
+
+    Raises `PerceptionError` (`cannot_answer`) for a question beyond this provider, `BadRequestError` as `vlm.Query`.
+    """
+    return _yes_no(ctx, prompt, image)
+
+
+@tool("molmo.Query")
+def molmo_query(ctx: ToolContext, prompt: str, image: Image | None = None, use_multiview: bool = False) -> str:
+    """As `vlm.Query`; with `use_multiview`, the first camera of the image's observation that gives an answer counts."""
+    return _ask(ctx, prompt, image, every=use_multiview)
+
+
+@tool("molmo.QueryYesNo")
+def molmo_query_yes_no(ctx: ToolContext, prompt: str, image: Image | None = None, use_multiview: bool = False) -> bool:
+    """As `vlm.QueryYesNo`; with `use_multiview`, yes in any camera of the image's observation is yes."""
+    return _yes_no(ctx, prompt, image, every=use_multiview)
+
+
+@tool("molmo.PointPrompt")
+def molmo_point_prompt(ctx: ToolContext, image: Image, object_name: str) -> Pointed:
+    """A pixel well inside the best match for `object_name`; `found` is false when there is none.
+
+    Raises `BadRequestError` for an empty name.
+    """
+    from gap_perception.phrases import read_phrase
+    from gap_perception.points2d import deepest_pixel
+    from gap_perception.questions import PRESENT
+    from gap_perception.relations import matches
+    from gap_perception.views import see
+
+    if not object_name.strip():
+        raise BadRequestError("empty", "object_name is empty; write what to point at.")
+    view = see(ctx, image)
+    phrase = read_phrase(object_name, view.vocabulary)
+    found = matches(view, phrase, PRESENT) if phrase else []
+    if not found:
+        return Pointed(0, 0, False)
+    return Pointed(*deepest_pixel(found[0][1].mask), True)
+
+
+def _ask(ctx: ToolContext, prompt: str, image: Image | None, *, every: bool = False) -> str:
+    from gap_perception.questions import CANNOT, NotUnderstood, answer
+    from gap_perception.views import see
+
+    _check(prompt)
+    reasons = []
+    for picture in _pictures(ctx, image, every):
+        try:
+            return answer(see(ctx, picture), prompt)
+        except NotUnderstood as reason:
+            reasons.append(str(reason))
+        except PerceptionError as reason:
+            reasons.append(reason.message)
+    return f"{CANNOT}: {reasons[0]}"
+
+
+def _yes_no(ctx: ToolContext, prompt: str, image: Image | None, *, every: bool = False) -> bool:
+    from gap_perception.questions import CANNOT, yes_or_no
+
+    _check(prompt)
+    answers = [_ask(ctx, prompt, picture) for picture in _pictures(ctx, image, every)]
+    answered = [a for a in answers if not a.startswith(CANNOT)]
+    if not answered:
+        why = answers[0].removeprefix(f"{CANNOT}: ")
+        raise PerceptionError("cannot_answer", f"Cannot answer {prompt[:80]!r}: {why}.")
+    return any([yes_or_no(a) for a in answered])
+
+
+def _check(prompt: str) -> None:
+    if not prompt.strip() or len(prompt) > MAX_PROMPT:
+        raise BadRequestError("prompt", f"The prompt has {len(prompt)} characters; 1 to {MAX_PROMPT} are read.")
+
+
+def _pictures(ctx: ToolContext, image: Image | None, every: bool) -> list[Image]:
+    from gap_perception.frames import find, latest
+
+    if image is not None and not every:
+        return [image]
+    found = None if image is None else find(ctx.state, image)
+    scene = found.scene if found else latest(ctx.state)
+    if image is not None and found is None:
+        return [image]
+    if scene is None:
+        raise BadRequestError(
+            "no_image", "There is no image: none was given and nothing was observed yet.",
+            hint="Call observation.GetObservation first, or pass an image.",
+        )  # fmt: skip
+    pictures = [camera.rgb for camera in scene.observation.cameras]
+    return pictures if every else pictures[:1]
+
+
+TOOLS = (vlm_query, vlm_query_yes_no, molmo_query, molmo_query_yes_no, molmo_point_prompt)
