@@ -7,6 +7,8 @@ import linecache
 from types import TracebackType
 from typing import Any
 
+from gap_cli.contracts.failures import GapError
+
 NO_IO = "Jailed code has no files, processes, network or entropy; seed random generators."
 
 
@@ -16,7 +18,7 @@ def remember(source: str, filename: str) -> None:
 
 
 def blame(error: BaseException, filename: str) -> dict[str, Any]:
-    """Cause, message, hint and line. Never raises for an `Exception` that misbehaves when printed."""
+    """Cause, message, hint and line. Never raises, whatever `str(error)` does."""
     report: dict[str, Any] = {"cause": "error", "line": _line(error, filename), "hint": ""}
     if isinstance(error, MemoryError):
         return report | {"cause": "memory", "message": "ran out of memory"}
@@ -26,19 +28,18 @@ def blame(error: BaseException, filename: str) -> dict[str, Any]:
         return report | {"cause": "forbidden", "message": _text(error), "hint": ""}
     if isinstance(error, SyntaxError) and error.filename == filename:
         return report | {"message": f"{error.msg}"}
-    message, hint = getattr(error, "message", None), getattr(error, "hint", None)
-    if isinstance(message, str) and isinstance(hint, str):  # a GapError says it best itself
-        return report | {"message": message, "hint": hint}
+    if isinstance(error, GapError):  # it says it best itself
+        return report | {"message": error.message, "hint": error.hint}
     return report | {"message": _text(error)}
 
 
 def _text(error: BaseException) -> str:
     name = type(error).__name__
     try:
-        text = str(error)
-    except Exception:
+        text = str(error)[:2000].encode("utf-8", "replace").decode()
+    except BaseException:
         return name
-    return f"{name}: {text[:2000]}" if text else name
+    return f"{name}: {text}" if text else name
 
 
 def _line(error: BaseException, filename: str) -> int | None:

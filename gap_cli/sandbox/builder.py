@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from functools import cache
 from typing import Any, Literal
 
@@ -48,8 +47,7 @@ def run_builder(
     if not isinstance(source, str) or len(source) > MAX_SOURCE:
         raise SandboxError(f"{WHAT} is limited to {MAX_SOURCE // 1000} kB of text.", cause="forbidden")
     job_data = json.dumps({"source": source, "expect": expect}).encode("ascii")
-    deadline = time.monotonic() + wall_s
-    with (server or builder_server()).job(Limits(cpu=int(wall_s) + 2), deadline, unsafe=unsafe) as job:
+    with (server or builder_server()).job(Limits(cpu=int(wall_s) + 2), wall_s, unsafe=unsafe) as job:
         try:
             job.pipes.send(job_data)
             reply = job.pipes.receive(MAX_OUTPUT)

@@ -7,6 +7,7 @@ import sys
 import types
 from typing import Any
 
+from gap_cli.contracts.failures import GapError
 from gap_cli.graph import builder
 from gap_cli.sandbox.blame import blame, remember
 from gap_cli.sandbox.confine import REPLY_FD, REQUEST_FD
@@ -57,14 +58,6 @@ def _output(result: dict[str, Any]) -> bytes:
         return _encode({"error": {"cause": "output", "message": f"the graph cannot be written as JSON ({error})"}})
 
 
-class _Refused(Exception):
-    """Something said in our own words; `blame` prints `message` and `hint` as they are."""
-
-    def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.message, self.hint = message, hint
-
-
 def run(source: str, expect: str | None) -> dict[str, Any]:
     """Execute builder code and return its `spec` or `sg` as plain data, with the name of the variable."""
     remember(source, FILENAME)
@@ -75,6 +68,6 @@ def run(source: str, expect: str | None) -> dict[str, Any]:
     found = [n for n in names if isinstance(space.get(n), getattr(builder, RESULTS[n]))]
     if len(found) != 1:
         wanted = " or ".join(f"{n} = {RESULTS[n]}(...)" for n in names)
-        raise _Refused(f"must bind {'only one of' if found else ''} {wanted} at module level".replace("  ", " "))
+        raise GapError(f"it must bind {'only one of ' if found else ''}{wanted} at module level")
     data: dict[str, Any] = space[found[0]].to_dict()
     return data

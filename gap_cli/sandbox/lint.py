@@ -10,6 +10,7 @@ from typing import Any
 MAX_SOURCE = 256_000
 MAX_NODES = 50_000
 MAX_DEPTH = 100
+NO_IMPORT = " cannot be imported"
 _IO = {
     "open", "input", "print", "exec", "eval", "compile", "__import__", "breakpoint", "help", "exit", "quit",
     "globals", "locals", "vars", "getattr", "setattr", "delattr", "memoryview",
@@ -67,8 +68,11 @@ def report(source: str, dialect: Dialect, filename: str) -> dict[str, Any] | Non
     if not problems:
         return None
     line, message = problems[0]
-    more = [f"line {n}: {m}" for n, m in problems[1:6]]
-    return {"cause": "forbidden", "line": line, "message": message, "hint": "Also " + "; ".join(more) if more else ""}
+    hints = [f"Also line {n}: {m}." for n, m in problems[1:6]]
+    if any(m.endswith(NO_IMPORT) for _, m in problems):
+        names = sorted(m for m in {*dialect.modules, *(p + ".*" for p in dialect.packages)} if m != "__future__")
+        hints.insert(0, f"Importable: {', '.join(names)}.")
+    return {"cause": "forbidden", "line": line, "message": message, "hint": " ".join(hints)}
 
 
 def _size(tree: ast.AST) -> tuple[int, int]:
@@ -105,8 +109,7 @@ def _problems(node: ast.AST, dialect: Dialect) -> Iterator[tuple[int, str]]:
 def _import(name: str, line: int, dialect: Dialect) -> Iterator[tuple[int, str]]:
     inside = any(name == p or name.startswith(p + ".") for p in dialect.packages)
     if name not in dialect.modules and not inside:
-        known = sorted(m for m in {*dialect.modules, *(p + ".*" for p in dialect.packages)} if m != "__future__")
-        yield line, f"{name} cannot be imported; {dialect.what} may import {', '.join(known)}"
+        yield line, name + NO_IMPORT
 
 
 def _hidden(name: str, dialect: Dialect) -> bool:

@@ -29,9 +29,9 @@ CallTool = Callable[[str, dict[str, Any]], Any]
 class ScriptJail:
     """A context manager around one fork server with numpy loaded. `run` may be called from several threads."""
 
-    def __init__(self, *, unsafe: bool = False, max_calls: int = MAX_CALLS, machine: str = "") -> None:
+    def __init__(self, *, unsafe: bool = False, max_calls: int = MAX_CALLS, server: ForkServer | None = None) -> None:
         self._unsafe, self._max_calls = unsafe, max_calls
-        self._server = ForkServer("gap_cli.sandbox.script_child", machine=machine)
+        self._server = server or ForkServer("gap_cli.sandbox.script_child")
 
     def __enter__(self) -> Self:
         return self
@@ -72,8 +72,7 @@ class ScriptJail:
         order = pack({"source": source, "inputs": inputs, "seed": seed})
         session = _Session(what, call_tool, publish, self._max_calls)
         cpu = math.ceil(deadline_s) + 2 if math.isfinite(deadline_s) else FOREVER
-        until = time.monotonic() + deadline_s
-        with self._server.job(Limits(MEMORY, cpu), until, unsafe=self._unsafe, check=check) as job:
+        with self._server.job(Limits(MEMORY, cpu), deadline_s, unsafe=self._unsafe, check=check) as job:
             try:
                 job.pipes.send(order)
                 return session.serve(job.pipes)

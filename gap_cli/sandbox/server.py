@@ -10,6 +10,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -72,16 +73,17 @@ class ForkServer:
 
     @contextmanager
     def job(
-        self, limits: Limits, deadline: float, *, unsafe: bool, check: Callable[[], None] | None = None
+        self, limits: Limits, wall_s: float, *, unsafe: bool, check: Callable[[], None] | None = None
     ) -> Iterator[Job]:
-        """A fresh child, ended when the block is left. Raises `SandboxError` where it cannot be jailed."""
+        """A fresh child, ended when the block is left, whose pipes wait for at most `wall_s` [s] from now (starting the
+        server does not count). Raises `SandboxError` where it cannot be jailed."""
         if self.level() == "none" and not unsafe:
             raise SandboxError(
                 "This machine cannot jail untrusted code: its kernel refused the system-call filter.",
                 hint=f"Run where seccomp works, or accept the risk with {UNSAFE}.",
                 cause="unavailable",
             )
-        pipes = Pipes(deadline, check)
+        pipes = Pipes(time.monotonic() + wall_s, check)
         try:
             answer = self.ask({"op": "spawn", "limits": limits.as_dict()}, (pipes.child_reads, pipes.child_writes))
             if "pid" not in answer:

@@ -49,9 +49,9 @@ def reported(what: str, report: Mapping[str, Any]) -> SandboxError:
     known = cause if cause in ("memory", "output", "syscall", "forbidden", "error") else "error"
     line = line if isinstance(line, int) and not isinstance(line, bool) and 0 < line < 10**7 else None
     at = f", line {line}" if line else ""
-    return SandboxError(
-        f"{what}{at}: {clean(report.get('message'))}", hint=clean(report.get("hint")), cause=known, line=line
-    )
+    message = clean(report.get("message")) or "failed"
+    stop = "" if message[-1] in ".!?" else "."
+    return SandboxError(f"{what}{at}: {message}{stop}", hint=clean(report.get("hint")), cause=known, line=line)
 
 
 def clean(text: Any) -> str:
