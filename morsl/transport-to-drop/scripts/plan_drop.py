@@ -1,0 +1,153 @@
+"""Plans the way of a held object into a container: how high, turned how, to which spot, and how deep."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gap_cli.contracts.failures import PlanningError
+from gap_cli.contracts.robot import RobotSpec
+from gap_cli.contracts.tool import ScriptContext
+from gap_cli.contracts.types import WORLD, OrientedBoundingBox, Quaternion, Se3Pose, Vec3, WorldConfig
+
+SPOTS = 5  # places tried along each side of the container
+SAME_HEIGHT = 0.02  # m: heights of the content closer than this are equal, so that noise does not move the drop
+
+
+class DropPlan(NamedTuple):
+    """Poses T_world_tcp: straight above the grasp, over the container, and where to let go."""
+
+    lift_pose: Annotated[Se3Pose, WORLD]
+    carry_pose: Annotated[Se3Pose, WORLD]
+    release_pose: Annotated[Se3Pose, WORLD]
+
+
+class Spot(NamedTuple):
+    """Where the object's footprint goes: offset of its centre in the container's axes (2,) [m], and how high the
+    content reaches below it [m]."""
+
+    offset: np.ndarray
+    height: float
+
+
+def run(
+    ctx: ScriptContext,
+    container_obb: Annotated[OrientedBoundingBox, WORLD],
+    target_obb: Annotated[OrientedBoundingBox, WORLD],
+    ee_pose_at_grasp: Annotated[Se3Pose, WORLD],
+    world: WorldConfig,
+    clearance: float = 0.04,
+    rim_clearance: float = 0.012,
+    rim_width: float = 0.028,
+    above_content: float = 0.01,
+) -> DropPlan:
+    """Plan the drop. Raises `PlanningError` (`does_not_fit`, `unreachable`)."""
+    spec = ctx.robot()
+    held = held_corners(target_obb, ee_pose_at_grasp)
+    seen = points_of(world)
+    inner = container_obb.extent.array[:2] - rim_width
+    low = spec.gripper.finger_size[2]
+    for turned in orientations(container_obb, target_obb, ee_pose_at_grasp, held, inner):
+        corners = turned.apply(held)
+        hang = float(-corners[:, 2].min())
+        spot = choose_spot(container_obb, corners, inner, seen)
+        drop = ctx.tool(
+            "geometry_svc.ComputeDropPosition",
+            container_obb=container_obb,
+            clearance=clearance,
+            object_z_extent=float(np.ptp(corners[:, 2]) / 2),
+        )
+        middle = (corners.max(axis=0) + corners.min(axis=0)) / 2
+        xy = (drop.array + axes(container_obb)[:, :2] @ spot.offset - middle)[:2]
+        over = highest_between(seen, ee_pose_at_grasp.position.array[:2], xy, spec, corners)
+        carry_z = max(drop.z - float(middle[2]), over + clearance + max(hang, low))
+        rim = float(container_obb.corners[:, 2].max()) + low + rim_clearance
+        release_z = min(carry_z, max(rim, spot.height + above_content + hang))
+        carry, release = pose(xy, carry_z, turned), pose(xy, release_z, turned)
+        if all(ctx.tool("pyroki.SolveIK", target_pose=p).success for p in (carry, release)):
+            start = ee_pose_at_grasp
+            return DropPlan(
+                pose(start.position.array[:2], max(carry_z, start.position.z), start.rotation.rotation), carry, release
+            )
+    at = container_obb.center
+    raise PlanningError("unreachable", f"No pose over the container at ({at.x:.2f}, {at.y:.2f}) m is in reach.")
+
+
+def held_corners(obb: OrientedBoundingBox, T_world_tcp: Se3Pose) -> np.ndarray:
+    """Corners of the held object in the TCP frame, shape (8, 3) [m]: the grasp keeps them there."""
+    return T_world_tcp.rotation.rotation.inv().apply(obb.corners - T_world_tcp.position.array)
+
+
+def orientations(
+    container: OrientedBoundingBox, target: OrientedBoundingBox, grasp: Se3Pose, held: np.ndarray, inner: np.ndarray
+) -> list[Rotation]:
+    """TCP rotations in which the object fits the container, least turned first: as held, or aligned with its sides."""
+    quarter = np.pi / 2
+    skew = (yaw(container) - yaw(target) + quarter / 2) % quarter - quarter / 2
+    angles = sorted({0.0, skew, skew + quarter, skew - quarter, skew + np.pi, np.pi}, key=lambda a: (abs(a), a))
+    turned = [Rotation.from_euler("z", a) * grasp.rotation.rotation for a in angles]
+    slack = [float((inner - footprint(container, r.apply(held)).max(axis=0)).min()) for r in turned]
+    if max(slack) < 0:
+        raise PlanningError(
+            "does_not_fit",
+            f"The object is {-2000 * max(slack):.0f} mm too wide for the opening of the container.",
+            detail={"slack": max(slack)},
+        )
+    return [r for r, s in zip(turned, slack, strict=True) if s >= 0]
+
+
+def choose_spot(container: OrientedBoundingBox, corners: np.ndarray, inner: np.ndarray, seen: np.ndarray) -> Spot:
+    """The spot with the lowest content below the object, the nearest to the middle among equals."""
+    half = footprint(container, corners).max(axis=0)
+    floor = float(container.corners[:, 2].min())
+    local = (seen - container.center.array) @ axes(container)
+    content = local[(np.abs(local[:, :2]) < inner).all(axis=1)]
+    heights = content @ axes(container)[2] + container.center.z
+    steps = [np.linspace(-s, s, SPOTS) for s in np.maximum(inner - half, 0)]
+    spots: list[Spot] = []
+    for x in steps[0]:
+        for y in steps[1]:
+            offset = np.array([x, y])
+            below = heights[(np.abs(content[:, :2] - offset) <= half).all(axis=1)]
+            spots.append(Spot(offset, max(floor, float(below.max())) if len(below) else floor))
+    lowest = min(s.height for s in spots)
+    return min((s for s in spots if s.height <= lowest + SAME_HEIGHT), key=lambda s: float(np.linalg.norm(s.offset)))
+
+
+def highest_between(points: np.ndarray, a: np.ndarray, b: np.ndarray, spec: RobotSpec, corners: np.ndarray) -> float:
+    """Height [m] of the highest point beside the straight way from a to b; minus infinity when there is none."""
+    aside = float(np.linalg.norm(corners[:, :2], axis=1).max()) + spec.gripper.finger_size[0]
+    way = b - a
+    t = np.clip((points[:, :2] - a) @ way / max(float(way @ way), 1e-9), 0, 1)
+    near = np.linalg.norm(points[:, :2] - (a + t[:, None] * way), axis=1) < aside
+    return float(points[near, 2].max()) if near.any() else -np.inf
+
+
+def footprint(container: OrientedBoundingBox, corners: np.ndarray) -> np.ndarray:
+    """Distances of the corners from their middle along the container's horizontal axes, shape (8, 2) [m]."""
+    local = corners @ axes(container)[:, :2]
+    return np.abs(local - (local.max(axis=0) + local.min(axis=0)) / 2)
+
+
+def points_of(world: WorldConfig) -> np.ndarray:
+    """Points (N, 3) [m] of everything seen but the held object; supports have none."""
+    clouds = [o.points for o in world.obstacles if o.points is not None and o.name != "target"]
+    return np.concatenate([np.zeros((0, 3)), *clouds])
+
+
+def axes(obb: OrientedBoundingBox) -> np.ndarray:
+    """The box's axes as columns, shape (3, 3)."""
+    return np.asarray(obb.orientation.rotation.as_matrix())
+
+
+def yaw(obb: OrientedBoundingBox) -> float:
+    """Angle of the box's first axis about the vertical [rad]."""
+    x = axes(obb)[:, 0]
+    return float(np.arctan2(x[1], x[0]))
+
+
+def pose(xy: np.ndarray, z: float, rotation: Rotation) -> Se3Pose:
+    """T_world_tcp from its parts."""
+    return Se3Pose(Vec3(float(xy[0]), float(xy[1]), z), Quaternion.of(rotation))
