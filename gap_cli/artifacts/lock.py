@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import metadata
-from pathlib import Path
 from typing import Any
 
 from gap_cli import __version__
-from gap_cli.artifacts.canonical import write_json
-from gap_cli.artifacts.run import Run
 from gap_cli.artifacts.stages import digest, folder_digest
 from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.task import Task
@@ -21,8 +18,8 @@ LIBRARIES = ("dm-control", "mujoco", "numpy", "ompl", "opencv-python-headless", 
              "scikit-learn", "scipy", "torch")  # fmt: skip
 
 
-def build_lock(registry: Registry, task: Task, sandbox: str) -> dict[str, Any]:
-    """The lock as plain data, every mapping sorted by key."""
+def build_lock(registry: Registry, task: Task, skills: Mapping[str, str], sandbox: str) -> dict[str, Any]:
+    """The lock as plain data, every mapping sorted by key. `skills` maps a skill to the digest of its files."""
     robots = {p.model: registry.robot(p.model) for p in task.robots}
     return {
         "schema": SCHEMA,
@@ -30,7 +27,7 @@ def build_lock(registry: Registry, task: Task, sandbox: str) -> dict[str, Any]:
         "sandbox": sandbox,
         "task": {"name": task.name, "variant": task.variant, "sha256": folder_digest(task.path)},
         "robots": {name: _robot(robots[name]) for name in sorted(robots)},
-        "skills": {path.name: folder_digest(path) for path in sorted(_skill_folders(registry), key=lambda p: p.name)},
+        "skills": dict(sorted(skills.items())),
         "plugins": {name: registry.plugins[name].version for name in sorted(registry.plugins)},
         "libraries": _versions(LIBRARIES),
         "tools": lock_tools(registry.tools),
@@ -40,25 +37,13 @@ def build_lock(registry: Registry, task: Task, sandbox: str) -> dict[str, Any]:
 def lock_tools(tools: Mapping[str, Tool]) -> dict[str, dict[str, str]]:
     """Who serves each tool and under which contract."""
     return {
-        name: {"provider": t.provider, "plugin": t.plugin, "schema": t.spec.schema_hash}
+        name: {"provider": t.provider, "plugin": t.plugin, "contract": t.spec.schema_hash}
         for name, t in sorted(tools.items())
     }
 
 
-def write_lock(run: Run, registry: Registry, task: Task, sandbox: str) -> None:
-    """Write the run's lock.json. Raises `StorageError`."""
-    write_json(run.path / "lock.json", build_lock(registry, task, sandbox))
-
-
 def _robot(spec: RobotSpec) -> dict[str, str]:
     return {"model": spec.model_file.name, "sha256": digest(spec.model_file)}
-
-
-def _skill_folders(registry: Registry) -> list[Path]:
-    found: list[Path] = []
-    for path, _ in registry.skill_paths:
-        found += [path] if (path / "SKILL.md").is_file() else [p.parent for p in path.glob("*/SKILL.md")]
-    return found
 
 
 def _versions(names: tuple[str, ...]) -> dict[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import time
 from collections.abc import Iterable
 from datetime import UTC, datetime
 from typing import Any
@@ -24,13 +25,15 @@ def read_meta(run: Run) -> dict[str, Any]:
     return data if isinstance(data, dict) else {}
 
 
-def note(run: Run, stage: str, **values: Any) -> None:
-    """Record when `stage` was done, on which machine, and `values`. Raises `StorageError`."""
+def note(run: Run, stage: str, started: float, **values: Any) -> None:
+    """Record when `stage` was done, how long it took since `started` (monotonic seconds), on which machine, and
+    `values`. Raises `StorageError`."""
     from gap_cli import __version__
 
     before = read_meta(run).get("stages")
     stages: dict[str, Any] = before if isinstance(before, dict) else {}
-    stages = {**stages, stage: {"at": datetime.now(UTC).isoformat(timespec="seconds"), **values}}
+    clock = {"at": datetime.now(UTC).isoformat(timespec="seconds"), "seconds": time.monotonic() - started}
+    stages = {**stages, stage: {**clock, **values}}
     host = {"machine": platform.machine(), "system": platform.platform(), "python": platform.python_version()}
     write_json(run.path / "meta.json", {"schema": SCHEMA, "engine": __version__, "host": host, "stages": stages})
 

@@ -11,14 +11,14 @@ def run(tmp_path):
 
 
 def test_notes_of_stages_add_up(run):
-    note(run, "plan", seconds=1.0)
-    note(run, "generate", seconds=2.0)
-    note(run, "plan", seconds=3.0)
-    assert {k: v["seconds"] for k, v in read_meta(run)["stages"].items()} == {"plan": 3.0, "generate": 2.0}
+    note(run, "plan", 0.0, n=1)
+    note(run, "generate", 0.0, n=2)
+    note(run, "plan", 0.0, n=3)
+    assert {k: v["n"] for k, v in read_meta(run)["stages"].items()} == {"plan": 3, "generate": 2}
 
 
 @pytest.mark.parametrize("damage", ["", "{", "[]", '{"stages": 3}'])
 def test_a_damaged_meta_costs_only_itself(run, damage):
     (run.path / "meta.json").write_text(damage)
-    note(run, "plan", seconds=1.0)
-    assert read_meta(run)["stages"]["plan"]["seconds"] == 1.0
+    note(run, "plan", 0.0, n=1)
+    assert read_meta(run)["stages"]["plan"]["n"] == 1

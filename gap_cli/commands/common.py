@@ -1,0 +1,84 @@
+"""What every verb shares: its options, how it prints, and the next-step hint."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from gap_cli.artifacts.run import Run
+
+
+def complete_run(incomplete: str) -> list[str]:
+    """Names of runs below runs/, for shell completion."""
+    root = Path("runs")
+    return sorted(p.parent.name for p in root.glob("*/run.yaml") if p.parent.name.startswith(incomplete))
+
+
+def complete_task(incomplete: str) -> list[str]:
+    """Names of installed tasks, for shell completion."""
+    from gap_cli.artifacts.tasks import find_tasks
+    from gap_cli.plugins import load_registry
+
+    return [name for name in find_tasks(load_registry()) if name.startswith(incomplete)]
+
+
+RunName = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="[RUN]", help="A run's name or folder; the latest when left out.", autocompletion=complete_run
+    ),
+]
+Root = Annotated[Path, typer.Option(help="The folder that holds the runs.", envvar="GAP_RUNS", show_default=True)]
+AsJson = Annotated[bool, typer.Option("--json", help="Print data as JSON and nothing else on stdout.")]
+RUNS = Path("runs")
+
+
+def console() -> Console:
+    """Where people read: stdout, honouring NO_COLOR, dumb terminals and narrow ones."""
+    from rich.console import Console
+
+    return Console(highlight=False, width=None if sys.stdout.isatty() else max(100, _columns()))
+
+
+def print_json(data: Any) -> None:
+    """`data` as one JSON document on stdout."""
+    from gap_cli.artifacts.canonical import plain
+
+    typer.echo(json.dumps(plain(data), ensure_ascii=False, indent=2))
+
+
+def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    """A plain table that folds long cells instead of cutting them."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=title or None, title_justify="left", header_style="bold", box=None, pad_edge=False)
+    for column in columns:
+        table.add_column(column, overflow="fold")
+    for row in rows:
+        table.add_row(*(cell if isinstance(cell, Text) else Text(str(cell)) for cell in row))
+    console().print(table)
+
+
+def print_done(run: Run, stage: str, lines: Iterable[str], *, next_step: str = "") -> None:
+    """What a verb made, where it is, and what to type next."""
+    out = console()
+    for line in lines:
+        out.print(line, markup=False, soft_wrap=True)
+    out.print(f"{stage}: {run.folder(stage) if stage else run.path}", markup=False, soft_wrap=True, style="dim")
+    if next_step:
+        out.print(f"next:  {next_step}", markup=False, soft_wrap=True, style="bold")
+
+
+def _columns() -> int:
+    text = os.environ.get("COLUMNS", "")
+    return int(text) if text.isdigit() else 0

@@ -1,0 +1,48 @@
+"""`gap plan`: from a sentence to the topology of a graph."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gap_cli.commands.common import RUNS, AsJson, Root, complete_task, print_done, print_json
+
+
+def plan(
+    task: Annotated[str, typer.Option("--task", "-t", help="An installed task.", autocompletion=complete_task)],
+    say: Annotated[str, typer.Option("--say", "-s", help="What the robot shall do, in a sentence.")],
+    variant: Annotated[str, typer.Option(help="A variant of the task; its first when left out.")] = "",
+    author: Annotated[str, typer.Option(help="Who writes the graph.")] = "symbolic",
+    seed: Annotated[int, typer.Option(min=0, help="Base seed of this run's rehearsals.")] = 0,
+    provider: Annotated[
+        list[str] | None, typer.Option(metavar="TOOL=NAME", help="Serve a tool, or service.*, by this provider.")
+    ] = None,
+    root: Root = RUNS,
+    json: AsJson = False,
+) -> None:
+    """Decide which skill serves which segment of the task, and start a run."""
+    from gap_cli.artifacts.asked import Asked
+    from gap_cli.commands.pipeline import plan_run
+    from gap_cli.contracts.documents import read_json
+
+    question = {"task": task, "instruction": say, "variant": variant, "author": author, "seed": seed}
+    asked = Asked.load({**question, "providers": _pairs(provider or [])}, "gap plan")
+    run = plan_run(Path(root), asked)
+    data = read_json(run.folder("plan") / "plan.json")
+    if json:
+        print_json({"run": run.name, "path": str(run.path), "plan": data})
+        return
+    segments = [f"  {s['name']}: {s['skill']}" for s in data.get("segments", [])]
+    print_done(run, "plan", [f"{run.name}: {say}", *segments], next_step=f"gap generate {run.name}")
+
+
+def _pairs(given: list[str]) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for text in given:
+        tool, equals, name = text.partition("=")
+        if not (tool and equals and name):
+            raise typer.BadParameter(f"{text!r} is not TOOL=NAME", param_hint="--provider")
+        found[tool] = name
+    return found

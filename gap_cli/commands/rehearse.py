@@ -1,0 +1,96 @@
+"""`gap rehearse`: roll the graph out on sampled instances and say how reliable it is."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gap_cli.commands.common import RUNS, AsJson, Root, RunName, print_done, print_json, print_table
+
+if TYPE_CHECKING:
+    from gap_cli.artifacts.run import Run
+    from gap_cli.rehearse.rehearsal import Summary
+
+
+class Recorded(StrEnum):
+    """Which episodes get an MCAP."""
+
+    failed = "failed"
+    all = "all"
+    none = "none"
+
+
+Episodes = Annotated[int, typer.Option("-n", "--episodes", min=1, max=100_000, help="How many instances.")]
+Workers = Annotated[int, typer.Option("--workers", "-w", min=1, max=256, help="Worker processes.")]
+Seed = Annotated[int | None, typer.Option(min=0, help="First instance seed; the run's own when left out.")]
+Record = Annotated[Recorded, typer.Option(help="Which episodes to record as MCAP for Foxglove.")]
+
+
+def rehearse(
+    run: RunName = None,
+    n: Episodes = 10,
+    seed: Seed = None,
+    workers: Workers = 2,
+    record: Record = Recorded.failed,
+    engine: Annotated[str, typer.Option(help="Where episodes run.")] = "local",
+    root: Root = RUNS,
+    json: AsJson = False,
+) -> None:
+    """Roll out N instances, seeds SEED to SEED+N-1, and write episodes, summary and feedback."""
+    from gap_cli.artifacts.run import Run
+
+    opened = Run.open(root, run)
+    summary = rehearse_run(opened, n, seed, workers, record, engine)
+    if json:
+        print_json({"run": opened.name, "path": str(summary.folder), "summary": summary.data, "clock": summary.clock})
+    else:
+        print_summary(opened, summary)
+        print_done(opened, "rehearse/00", [], next_step=f"gap report {opened.name}")
+    if summary.interrupted:
+        raise typer.Exit(130)
+
+
+def rehearse_run(run: Run, n: int, seed: int | None, workers: int, record: Recorded, engine: str = "local") -> Summary:
+    """Rehearse with a progress bar on stderr."""
+    from gap_cli.commands.progress import episode_progress
+    from gap_cli.rehearse.rehearsal import rehearse as roll_out
+
+    with run.held(), episode_progress(n) as (progress, say):
+        return roll_out(run, n, seed, workers, record.value, engine=engine, progress=progress, say=say)
+
+
+def print_summary(run: Run, summary: Summary) -> None:
+    """The rate with its interval, the table of subgraphs, and the times."""
+    from gap_cli.commands.common import console
+    from gap_cli.rehearse.summary import rate_of
+
+    data, clock = summary.data, summary.clock
+    rows = [
+        (s["node"], s["skill"], f"{s['validation']['passed']}/{s['validation']['of']}", _exits(s))
+        for s in data["subgraphs"]
+    ]
+    print_table("", ("subgraph", "skill", "kept its promise", "exits"), rows)
+    out = console()
+    out.print(f"\nsuccess     {rate_of(data)}", style="bold", markup=False)
+    if data["void"]:
+        lost = ", ".join(f"{n} {status}" for status, n in data["void"].items())
+        out.print(f"void        {lost} (counted as failures)", style="red", markup=False)
+    if data["partial"]:
+        out.print(f"partial     {data['episodes']} of {data['asked']} episodes", style="red", markup=False)
+    out.print(f"cycle time  {_spread(clock['cycle_s'])} = motion {_spread(clock['motion_s'])}"
+              f" + compute {_spread(clock['compute_s'])}", markup=False, soft_wrap=True)  # fmt: skip
+    out.print(f"wall time   {_spread(clock['wall_s'])} per episode", markup=False)
+    for group in data["failures"][:5]:
+        out.print(f"{group['count']:>4} x {group['stage'] or '-'}: {group['reason']}", markup=False, soft_wrap=True)
+
+
+def _exits(subgraph: Any) -> str:
+    return ", ".join(f"{name} {count}" for name, count in subgraph["exits"].items())
+
+
+def _spread(values: Any) -> str:
+    if values["median"] is None:
+        return "-"
+    return f"{values['median']:.1f} s (p90 {values['p90']:.1f})"

@@ -1,0 +1,19 @@
+"""`gap report`: the run as one HTML page."""
+
+from __future__ import annotations
+
+from gap_cli.commands.common import RUNS, AsJson, Root, RunName, print_done, print_json
+
+
+def report(run: RunName = None, root: Root = RUNS, json: AsJson = False) -> None:
+    """Write report.html: graph, rates, failures, pictures and how to reproduce, in one file that needs no network."""
+    from gap_cli.artifacts.run import Run
+    from gap_cli.report.page import write_report
+
+    opened = Run.open(root, run)
+    with opened.held():
+        page = write_report(opened)
+    if json:
+        print_json({"run": opened.name, "report": str(page), "bytes": page.stat().st_size})
+    else:
+        print_done(opened, "", [f"report: {page}"])

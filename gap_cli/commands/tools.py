@@ -1,0 +1,60 @@
+"""`gap tools`: every tool, and who serves it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gap_cli.commands.common import AsJson, console, print_json, print_table
+
+if TYPE_CHECKING:
+    from gap_cli.contracts.tool import Tool
+    from gap_cli.plugins import Registry
+
+
+def tools(
+    name: Annotated[str | None, typer.Argument(metavar="[TOOL]", help="One tool, shown in full.")] = None,
+    json: AsJson = False,
+) -> None:
+    """List the tools with their providers, or show one in full."""
+    from gap_cli.plugins import load_registry
+
+    registry = load_registry()
+    if name is not None:
+        _one(registry, name, json)
+        return
+    listed = [_as_dict(tool, registry) for tool in registry.tools.values()]
+    if json:
+        print_json(listed)
+        return
+    rows = [(t["name"], t["effect"], t["provider"], t["plugin"], t["summary"]) for t in listed]
+    print_table("", ("tool", "effect", "provider", "plugin", ""), rows)
+
+
+def _one(registry: Registry, name: str, json: bool) -> None:
+    tool = registry.tool(name)
+    data = {**_as_dict(tool, registry), **tool.spec.schema, "doc": tool.spec.doc}
+    if json:
+        print_json(data)
+        return
+    out = console()
+    out.print(name, style="bold", markup=False)
+    out.print(tool.spec.doc + "\n", markup=False)
+    print_table(
+        "", ("input", "type", "default"), [(p.name, p.type, "" if p.required else p.default) for p in tool.spec.inputs]
+    )
+    given = tool.spec.fields.items() if tool.spec.fields else [("", tool.spec.output or "nothing")]
+    print_table("", ("output", "type"), given)
+    held = ", ".join(tool.spec.resources) or "nothing"
+    out.print(f"\neffect {tool.spec.effect}, holds {held}, deadline {tool.spec.deadline_s:g} s", markup=False)
+    out.print(f"providers: {', '.join(data['providers'])} (serving: {tool.provider})", markup=False)
+
+
+def _as_dict(tool: Tool, registry: Registry) -> dict[str, Any]:
+    spec = tool.spec
+    return {
+        "name": spec.name, "summary": spec.summary, "effect": spec.effect, "provider": tool.provider,
+        "plugin": tool.plugin, "providers": sorted(registry.providers[spec.name]), "privileged": spec.privileged,
+        "resources": list(spec.resources), "deadline_s": spec.deadline_s, "schema_hash": spec.schema_hash,
+    }  # fmt: skip

@@ -1,0 +1,74 @@
+"""The `gap` command: a list of verbs, and the one place where an error becomes a line and an exit code."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Annotated
+
+import typer
+
+from gap_cli import __version__
+from gap_cli.commands import edge
+from gap_cli.commands.demo import demo
+from gap_cli.commands.doctor import doctor
+from gap_cli.commands.generate import generate
+from gap_cli.commands.plan import plan
+from gap_cli.commands.rehearse import rehearse
+from gap_cli.commands.report import report
+from gap_cli.commands.tasks import tasks
+from gap_cli.commands.tools import tools
+from gap_cli.commands.validate import validate
+
+app = typer.Typer(
+    name="gap",
+    help="From a sentence about a manipulation task to a rehearsed graph of robot skills.",
+    epilog="Start with: gap demo",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+PIPELINE, LIBRARY, HOUSE = "Pipeline", "What there is", "Around it"
+app.command(rich_help_panel=PIPELINE)(plan)
+app.command(rich_help_panel=PIPELINE)(generate)
+app.command(rich_help_panel=PIPELINE)(validate)
+app.command(rich_help_panel=PIPELINE)(rehearse)
+app.command(rich_help_panel=PIPELINE)(report)
+app.command(rich_help_panel=PIPELINE)(demo)
+app.command(rich_help_panel=LIBRARY)(tools)
+app.command(rich_help_panel=LIBRARY)(tasks)
+app.command(rich_help_panel=HOUSE)(doctor)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"gap {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def gap(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """From a sentence about a manipulation task to a rehearsed graph of robot skills."""
+
+
+def main() -> None:
+    """Run the command line. Exit codes: 0 done, 1 the user's input, 2 usage, 3 a bug, 130 interrupted."""
+    edge.tolerate_any_terminal()
+    try:
+        app()
+    except SystemExit:
+        raise
+    except BaseException as error:
+        code = edge.report(error, sys.argv)
+        edge.flush()
+        # Worker threads of a library must not keep an interrupted or failed command alive.
+        os._exit(code) if code in (3, 130) else sys.exit(code)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,39 @@
+"""Pictures of an episode's first and last instant, for people, and where pictures and recordings go."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gap_cli.contracts.types import CameraObservation
+from gap_cli.contracts.world import World
+
+HEIGHT = 240  # px: a report shows hundreds of them
+
+
+def frame_path(folder: Path, seed: int, which: str) -> Path:
+    """Where the `first` or `last` frame of a seed goes."""
+    return folder / "frames" / f"seed-{seed:06d}-{which}.png"
+
+
+def recording_path(folder: Path, seed: int) -> Path:
+    """Where the recording of a seed goes."""
+    return folder / f"seed-{seed:06d}.mcap"
+
+
+def save_frame(world: World, folder: Path, seed: int, which: str) -> None:
+    """Save what the world's first fixed camera sees now. Never part of a policy, so never part of its time."""
+    name = next((c for c in world.camera_names if "wrist" not in c), world.camera_names[0])
+    (camera,) = world.observe([name]).cameras
+    path = frame_path(folder, seed, which)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    _write(path, camera)
+
+
+def _write(path: Path, camera: CameraObservation) -> None:
+    import cv2
+
+    rgb = camera.rgb.data
+    width = round(rgb.shape[1] * HEIGHT / rgb.shape[0])
+    small = cv2.resize(rgb, (width, HEIGHT), interpolation=cv2.INTER_AREA)
+    _, data = cv2.imencode(".png", cv2.cvtColor(small, cv2.COLOR_RGB2BGR))
+    path.write_bytes(data.tobytes())

@@ -1,0 +1,88 @@
+"""Judges an episode by the task's success conditions, once everything the goals name was let go and came to rest."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from gap_cli.contracts.failures import DocumentError
+from gap_cli.contracts.snapshot import WorldSnapshot
+from gap_cli.contracts.task import Task
+from gap_cli.contracts.world import World
+from gap_cli.graph.checkpoints import evaluate
+
+SETTLE_LIMIT_S = 3.0  # of world time: what rolls longer than this after release has not been placed
+SETTLE_STEP_S = 0.1
+STILL_STEPS = 2  # a swinging body stands still for an instant; two looks in a row are rest
+_SLOT = re.compile(r"\{([a-z_][a-z0-9_]*)\}")
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """`expressions` by name, their slots filled; `objects` are the ids that must be let go and at rest."""
+
+    expressions: Mapping[str, str]
+    objects: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The value of each condition, and whether the objects were let go and at rest when it was read."""
+
+    conditions: Mapping[str, bool]
+    at_rest: bool
+
+    @property
+    def success(self) -> bool:
+        """Everything holds, at rest."""
+        return self.at_rest and all(self.conditions.values())
+
+
+def make_conditions(task: Task, goals: Sequence[Mapping[str, str]]) -> Conditions:
+    """Fill the task's success expressions from each goal (role -> object id). Raises `DocumentError`.
+
+    With several goals each condition appears once per goal, named `<name>.<target>`.
+    """
+    filled: dict[str, str] = {}
+    for goal in goals:
+        suffix = "." + goal.get("target", str(len(filled))) if len(goals) > 1 else ""
+        for name, expression in task.success.items():
+            filled[name + suffix] = _fill(task, name, expression, goal)
+    objects = dict.fromkeys(name for goal in goals for name in goal.values())
+    return Conditions(filled, tuple(objects))
+
+
+def settle(world: World, objects: Sequence[str]) -> bool:
+    """Let world time pass until the objects are let go and at rest; False when `SETTLE_LIMIT_S` was not enough."""
+    still = 0
+    for _ in range(round(SETTLE_LIMIT_S / SETTLE_STEP_S)):
+        still = still + 1 if _resting(world.snapshot(), objects) else 0
+        if still >= STILL_STEPS:
+            return True
+        world.wait(SETTLE_STEP_S)
+    return _resting(world.snapshot(), objects)
+
+
+def judge(world: World, conditions: Conditions) -> Verdict:
+    """Wait for rest, then read every condition off the ground truth."""
+    at_rest = settle(world, conditions.objects)
+    snapshot = world.snapshot()
+    values = {name: bool(evaluate(text, snapshot)) for name, text in conditions.expressions.items()}
+    return Verdict(values, at_rest)
+
+
+def _resting(snapshot: WorldSnapshot, objects: Sequence[str]) -> bool:
+    bodies = [snapshot.body(name) for name in objects]
+    return all(body.is_settled() and body.is_released() for body in bodies)
+
+
+def _fill(task: Task, name: str, expression: str, goal: Mapping[str, str]) -> str:
+    def value(match: re.Match[str]) -> str:
+        if match[1] not in goal:
+            where = str(task.path / "task.yaml")
+            problem = f"success.{name}: no goal says what {match[0]} is"
+            raise DocumentError(where, problem, hint=f"Slots: {', '.join(goal)}.")
+        return goal[match[1]]
+
+    return _SLOT.sub(value, expression)

@@ -1,0 +1,105 @@
+"""Everything about a run that episodes share and no world is needed for: its graph, goals, checkpoints, judge."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gap_cli.artifacts.run import Run
+from gap_cli.artifacts.stages import digest, product
+from gap_cli.contracts.documents import read_json, read_text
+from gap_cli.errors import RunError
+from gap_cli.graph.checkpoints import Checkpoint, parse_checkpoints
+from gap_cli.graph.compile import compile_workflow
+from gap_cli.graph.compiled import CompiledGraph
+from gap_cli.graph.load import load_workflow
+from gap_cli.rehearse.inventory import Inventory
+from gap_cli.rehearse.judge import Conditions, make_conditions
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A graph ready to be run and judged. `checkpoints` are by subgraph definition."""
+
+    inventory: Inventory
+    file: Path
+    graph: CompiledGraph
+    scene: str
+    goals: tuple[Mapping[str, str], ...]
+    conditions: Conditions
+    checkpoints: Mapping[str, tuple[Checkpoint, ...]]
+
+
+def prepare(run: Run, workflow: Path | None = None) -> Prepared:
+    """Compile the run's graph (or another `workflow` of the same plan). Raises `RunError`, `DocumentError`, ..."""
+    file = workflow or product(run, "generate")
+    plan = read_json(product(run, "plan"))
+    inventory = Inventory.of(run.asked)
+    model = load_workflow(file)
+    tools, library = inventory.registry.tools, inventory.library
+    canonical = library.canonical_scripts(model, file.parent)
+    graph = compile_workflow(model, file.parent, tools, library.contracts, canonical)
+    objects = inventory.task.objects
+    goals = tuple({role: name for role, name in goal.items() if name in objects} for goal in plan["goals"])
+    return Prepared(
+        inventory, file, graph, plan["scene"], goals, make_conditions(inventory.task, goals),
+        {name: _checkpoints(file.parent / "checkpoints" / f"{name}.py") for name in model.subgraphs},
+    )  # fmt: skip
+
+
+def require_valid(run: Run) -> Path:
+    """The run's workflow, which `gap validate` accepted as it is now. Raises `RunError` with what to type."""
+    file = product(run, "generate")
+    found = read_json(product(run, "validate"))
+    again = f"Type: gap validate {run.name}"
+    if found.get("workflow") != digest(file):
+        raise RunError(f"The graph of {run.name} has changed since it was validated.", hint=again)
+    errors = [f for f in found["findings"] if f.get("severity", "error") == "error"]
+    if errors:
+        first = errors[0]
+        raise RunError(
+            f"The graph of {run.name} has {len(errors)} errors: {first['code']} {first['path']}: {first['message']}",
+            hint=f"Mend it. {again}",
+        )
+    return file
+
+
+def describe(prepared: Prepared, lock: Path) -> dict[str, Any]:
+    """What was rolled out, for the summary: question, graph, who served its tools, and its subgraphs in order."""
+    asked, library, graph = prepared.inventory.asked, prepared.inventory.library, prepared.graph
+    tools = prepared.inventory.registry.tools
+    used = tools_used(graph)
+    subgraphs = []
+    for node in graph.nodes:
+        if node.subgraph is None:
+            continue
+        definition = graph.workflow.subgraphs[node.subgraph.ref]
+        contract = library.find(definition.skill).contract
+        subgraphs.append({
+            "node": node.name, "ref": node.subgraph.ref, "skill": definition.skill.replace("_", "-"),
+            "stage": definition.stage or contract.stage or "", "swaps": contract.swaps,
+            "parameters": list(contract.parameters),
+        })  # fmt: skip
+    return {
+        "task": asked.task, "variant": asked.variant, "instruction": asked.instruction, "scene": prepared.scene,
+        "goals": [dict(goal) for goal in prepared.goals], "workflow": digest(prepared.file), "lock": digest(lock),
+        "providers": {name: f"{tools[name].provider} ({tools[name].plugin})" for name in used},
+        "privileged_tools": [name for name in used if tools[name].spec.privileged],
+        "subgraphs": subgraphs,
+    }  # fmt: skip
+
+
+def tools_used(graph: CompiledGraph) -> list[str]:
+    """Every tool a node of the graph may call, sorted."""
+    found: set[str] = set()
+    for node in graph.inner_nodes():
+        if node.callee is not None:
+            found |= {node.callee.name} if node.callee.name in graph.callees else set()
+            found |= node.callee.allowed
+    return sorted(name for name in found if name in graph.callees and graph.callees[name].kind == "tool")
+
+
+def _checkpoints(file: Path) -> tuple[Checkpoint, ...]:
+    return parse_checkpoints(read_text(file), str(file)) if file.is_file() else ()

@@ -1,0 +1,121 @@
+"""A worker process as its rehearsal holds it: started afresh (never forked), heard through a pipe, killed whole."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from gap_cli.contracts.engine import RehearsalJob
+from gap_cli.rehearse.pipes import Reader, send
+
+OUT_OF_MEMORY = 86  # exit code of a worker that saw a MemoryError
+END_LIMIT_S = 3.0
+_ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS"), "1"
+)  # workers share the cores, and a sum split over threads depends on their number
+
+
+@dataclass
+class Worker:
+    """One process. `seed` is the episode it has; `since` when it got it, or was started (monotonic seconds)."""
+
+    slot: int
+    process: subprocess.Popen[bytes]
+    reader: Reader
+    tasks: int
+    log: Path
+    since: float
+    ready: bool = False
+    seed: int | None = None
+    dismissed: bool = False
+
+    @classmethod
+    def start(cls, slot: int, job: RehearsalJob, command: Sequence[str] = ()) -> Worker:
+        """Start a worker in a session of its own, so that Ctrl-C reaches the rehearsal alone."""
+        tasks_r, tasks_w = os.pipe()
+        results_r, results_w = os.pipe()
+        job.output.mkdir(parents=True, exist_ok=True)
+        log = job.output / f"worker-{slot}.log"
+        try:
+            with log.open("ab") as out:
+                process = subprocess.Popen(
+                    [*(command or (sys.executable, "-P", "-m", "gap_cli.rehearse.worker")),
+                     str(tasks_r), str(results_w), str(os.getpid()), encode_job(job)],
+                    stdin=subprocess.DEVNULL, stdout=out, stderr=out, pass_fds=(tasks_r, results_w),
+                    start_new_session=True, env={**os.environ, **_ONE_THREAD, "PYTHONHASHSEED": "0"},
+                )  # fmt: skip
+        finally:
+            os.close(tasks_r)
+            os.close(results_w)
+        return cls(slot, process, Reader(results_r), tasks_w, log, time.monotonic())
+
+    def give(self, seed: int) -> None:
+        """Hand it an episode. Raises `BrokenPipeError` when it is gone."""
+        send(self.tasks, {"seed": seed})
+        self.seed, self.since = seed, time.monotonic()
+
+    def dismiss(self) -> None:
+        """Tell it that there is no more work."""
+        if not self.dismissed:
+            self.dismissed = True
+            os.close(self.tasks)
+
+    def kill(self) -> None:
+        """End it and every process it started, now."""
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.kill()
+
+    def end(self) -> None:
+        """See it off: dismiss, wait a little, kill; then close what is open. Repeatable."""
+        self.dismiss()
+        try:
+            self.process.wait(END_LIMIT_S if self.seed is None else 0)
+        except subprocess.TimeoutExpired:
+            self.kill()
+        self.process.wait()
+        with contextlib.suppress(OSError):
+            os.close(self.reader.fd)
+
+    def epitaph(self) -> str:
+        """Why it is gone, from its exit code and the last line of its log."""
+        try:
+            code = self.process.wait(END_LIMIT_S)
+        except subprocess.TimeoutExpired:
+            return "closed its pipe but did not end"
+        if code == OUT_OF_MEMORY:
+            return "out of memory"
+        if code == -signal.SIGKILL:
+            return "killed by SIGKILL (the system was most likely out of memory)"
+        if code < 0:
+            return f"died of {signal.Signals(-code).name}"
+        return f"exited with code {code}: {_last_line(self.log)}"
+
+
+def encode_job(job: RehearsalJob) -> str:
+    """The job as one JSON argument."""
+    values = {k: str(v) if isinstance(v, Path) else v for k, v in vars(job).items()}
+    return json.dumps(values)
+
+
+def decode_job(text: str) -> RehearsalJob:
+    """The job that `encode_job` wrote."""
+    values = json.loads(text)
+    for key in ("run", "workflow", "output"):
+        values[key] = Path(values[key])
+    return RehearsalJob(**values)
+
+
+def _last_line(log: Path) -> str:
+    with contextlib.suppress(OSError):
+        lines = log.read_text(encoding="utf-8", errors="replace").split("\n")
+        return next((line.strip() for line in reversed(lines) if line.strip()), "no log")
+    return "no log"

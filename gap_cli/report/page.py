@@ -1,0 +1,59 @@
+"""report.html: a run as one self-contained page."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import Any
+
+from gap_cli.artifacts.canonical import write_text
+from gap_cli.artifacts.run import Run
+from gap_cli.artifacts.stages import PRODUCT
+from gap_cli.graph.load import load_workflow
+from gap_cli.report.drawing import graph_svg
+from gap_cli.report.material import gather
+
+PAGE = "report.html"
+SHOWN = 100  # episodes with pictures
+
+
+def write_report(run: Run) -> Path:
+    """Write the page and return where it is. Raises `RunError` before `gap generate`, `StorageError`."""
+    path = run.path / PAGE
+    write_text(path, render(run))
+    return path
+
+
+def render(run: Run) -> str:
+    """The page. Nothing in it is fetched from anywhere."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    env = Environment(
+        loader=PackageLoader("gap_cli.report", "templates"), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    env.filters |= {"pct": lambda x: f"{100 * x:.0f} %", "secs": _seconds}
+    material = gather(run)
+    summary = material["summary"]
+    stats = {s["node"]: s for s in summary["subgraphs"]} if summary else {}
+    drawing = graph_svg(load_workflow(run.path / PRODUCT["generate"]), stats)
+    return env.get_template("report.html.j2").render(
+        **material, drawing=drawing, shown=SHOWN, commands=commands(run, summary)
+    )
+
+
+def commands(run: Run, summary: Any) -> list[str]:
+    """What to type to get the same episodes again."""
+    asked = run.asked
+    plan = ["gap", "plan", "--task", asked.task, "--variant", asked.variant, "--say", asked.instruction]
+    plan += ["--author", asked.author] if asked.author != "symbolic" else []
+    for tool, provider in asked.providers.items():
+        plan += ["--provider", f"{tool}={provider}"]
+    lines = [shlex.join(plan), "gap generate", "gap validate"]
+    if summary:
+        lines.append(f"gap rehearse -n {summary['asked']} --seed {summary['seed']}")
+    return lines
+
+
+def _seconds(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1f} s"
