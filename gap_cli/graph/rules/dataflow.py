@@ -139,7 +139,8 @@ def _twice(node: str, scope: Scope, before: set[tuple[str, str]]) -> Iterator[Fi
         others = sorted(p for n, p in before if n == name and p != node)
         if others:
             message = f"{others[0]!r} has produced {name!r} already on a way to {node!r}"
-            hint = f'Give it a name of its own: names={{"{name.partition("_")[0]}": ...}}.'
+            slot = scope.contract is not None and any(n.startswith(NAME_SLOT) for n in scope.contract.outputs)
+            hint = f'Give it a name of its own: names={{"{SLOT if slot else name}": ...}}.'
             yield Finding(f"{scope.path}.outputs.{name}", "W13", message, hint)
 
 

@@ -101,7 +101,7 @@ def _valued_exits(scope: Scope, field: str) -> Iterator[Finding]:
         words |= set(known)
         open_ended |= not known
         for word in known:
-            if word not in values:
+            if values and word not in values:
                 hint = f"Exits: {', '.join(values)}. Raise instead, or declare it."
                 yield scope.find("S11", f"nodes.{name}", f"may end in {word!r}, which is not an exit", hint)
     for value in values:
