@@ -67,6 +67,8 @@ class Jaws:
         if not 0 < limit <= self._spec.max_force:
             raise refused(f"a gripping force of {limit} N is outside 0 to {self._spec.max_force} N")
         self._limit(limit)
+        if width > self._setpoint:  # what is squeezed keeps the jaws open: start from there, not from the squeeze
+            self._setpoint = min(max(self._setpoint, self.width), width)
         self._target = width
         self._still = self._waited = 0
 
