@@ -20,6 +20,7 @@ from gap_motion.paths import velocity_limits
 COARSE, FINE = 24, 10  # values of the free joint tried over its range, and around the best so far
 DENSE = 240  # values tried when the coarse ones give nothing: some poses leave the free joint a window of 1 degree
 SEEDS = 24  # of the numeric solver
+TURN = 2 * np.pi
 EDGE = 0.1  # rad: solutions closer than this to a joint limit cost extra
 EDGE_COST = 2.0  # s per rad inside the edge, on the scale of `cost`
 
@@ -33,10 +34,20 @@ def candidates(chain: Chain, T: Array, near: Array, count: int = COARSE) -> Arra
     low, high = joint_range(chain.spec)
     if form is not None:
         free = np.concatenate([np.linspace(low[-1], high[-1], count), [near[-1]]])
-        return _seven(form, T, np.broadcast_to(free, (len(T), len(free))))
+        return into_range(chain, _seven(form, T, np.broadcast_to(free, (len(T), len(free)))), near)
     seeds = np.concatenate([near[None], spread(low, high, SEEDS)])
     found = descend(chain, np.repeat(T, len(seeds), axis=0), np.tile(seeds, (len(T), 1)), (low, high))
     return found.reshape(len(T), len(seeds), chain.dof)
+
+
+def into_range(chain: Chain, q: Array, near: Array) -> Array:
+    """The configurations (..., n), each joint turned by whole turns: nearest to `near`, inside if it can be."""
+    low, high = joint_range(chain.spec)
+    turned = q + TURN * np.round((near - q) / TURN)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(
+            turned + TURN * (np.ceil((low - turned) / TURN).clip(0) - np.ceil((turned - high) / TURN).clip(0))
+        )
 
 
 def inside(chain: Chain, q: Array, margin: float = 0.0) -> Array:
@@ -73,7 +84,7 @@ def nearest(chain: Chain, T: Array, near: Array, what: str = "the pose") -> Arra
     width = (high[-1] - low[-1]) / COARSE
     while form is not None and width > 0.005:
         free = np.clip(best[-1] + np.linspace(-width, width, FINE), low[-1], high[-1])
-        more = _seven(form, T[None], free[None])[0]
+        more = into_range(chain, _seven(form, T[None], free[None])[0], near)
         best = _cheapest(chain, np.concatenate([best[None], more[inside(chain, more)]]), near)
         width *= 2.0 / (FINE - 1)
     return best

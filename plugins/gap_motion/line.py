@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from gap_cli.contracts.failures import PlanningError
 from gap_cli.contracts.types import Array
 from gap_motion.failures import joint_range
-from gap_motion.ik import candidates_at, cost, free_joint_grid, inside, nearest
+from gap_motion.ik import candidates_at, cost, free_joint_grid, inside, into_range, nearest
 from gap_motion.ik_numeric import descend
 from gap_motion.kinematics import Chain
 from gap_motion.paths import velocity_limits
@@ -67,17 +67,16 @@ def _follow_branches(chain: Chain, poses: Array, start: Array) -> Array | None:
         return None
     ramp = np.linspace(0.0, 1.0, len(poses))[:, None]
     found = candidates_at(chain, poses, start[-1] + ramp * (free - start[-1]))  # (M, K, branches, n)
-    found[~inside(chain, found)] = np.nan
     q, every = np.broadcast_to(start, (len(free), chain.dof)), np.arange(len(free))
     rows, alive, length = [q], np.ones(len(free), dtype=bool), np.zeros(len(free))
     for step in range(1, len(poses)):
-        gap = np.abs(found[step] - q[:, None]).max(axis=-1)
-        gap = np.where(np.isnan(gap), np.inf, gap)
+        options = into_range(chain, found[step], q[:, None])
+        gap = np.where(inside(chain, options), np.abs(options - q[:, None]).max(axis=-1), np.inf)
         pick = gap.argmin(axis=1)
         alive = alive & (gap[every, pick] < JUMP)
         if not alive.any():
             return None
-        q = np.where(alive[:, None], found[step, every, pick], q)
+        q = np.where(alive[:, None], options[every, pick], q)
         length += (np.abs(q - rows[-1]) / velocity_limits(chain.spec)).max(axis=1)
         rows.append(q)
     price = np.where(alive, length + cost(chain, q, q), np.inf)

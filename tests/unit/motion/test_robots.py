@@ -1,0 +1,115 @@
+import mujoco
+import numpy as np
+import pytest
+
+from gap_robots.spheres import cover_model
+from gap_robots.visuals import LOOKS, add_looks, mesh_folder
+
+
+@pytest.fixture
+def model(spec):
+    return mujoco.MjModel.from_xml_path(str(spec.model_file))
+
+
+def test_every_name_of_the_spec_is_in_its_model(spec, model):
+    for link in (spec.base_link, spec.flange_link, *(s.link for s in spec.spheres), *(c.mount for c in spec.cameras)):
+        assert model.body(link).id > 0
+    for joint in (*spec.joints, *spec.gripper.joints):
+        assert model.joint(joint).id >= 0
+    assert {model.actuator(i).name for i in range(model.nu)} == {*spec.joints, "gripper"}
+
+
+def test_ranges_and_torques_of_the_model_are_the_specs(spec, model):
+    for name, limit in zip(spec.joints, spec.limits, strict=True):
+        np.testing.assert_allclose(model.joint(name).range, [limit.lower, limit.upper], atol=1e-6)
+        np.testing.assert_allclose(model.jnt_actfrcrange[model.joint(name).id], [-limit.torque, limit.torque])
+
+
+def test_every_limit_has_a_source(spec):
+    assert {"limits", "tcp_velocity", "gripper.max_force", "tcp_offset_position"} <= set(spec.sources)
+
+
+def test_home_is_inside_the_limits_and_free_of_contact(spec, model):
+    data = mujoco.MjData(model)
+    for name, q, limit in zip(spec.joints, spec.home, spec.limits, strict=True):
+        assert limit.lower < q < limit.upper
+        data.qpos[model.joint(name).qposadr[0]] = q
+    mujoco.mj_forward(model, data)
+    assert data.ncon == 0
+
+
+def test_the_servos_hold_home_against_gravity(spec, model):
+    data = mujoco.MjData(model)
+    for name, q in zip(spec.joints, spec.home, strict=True):
+        data.qpos[model.joint(name).qposadr[0]] = q
+        data.ctrl[model.actuator(name).id] = q
+    for _ in range(200):
+        mujoco.mj_step(model, data)
+    for name, q in zip(spec.joints, spec.home, strict=True):
+        assert data.qpos[model.joint(name).qposadr[0]] == pytest.approx(q, abs=1e-3)
+
+
+def test_both_fingers_move_together_and_squeeze_no_harder_than_allowed(spec, model):
+    data = mujoco.MjData(model)
+    gripper = model.actuator("gripper").id
+    data.ctrl[gripper] = model.actuator_ctrlrange[gripper, 1]
+    for _ in range(500):
+        mujoco.mj_step(model, data)
+    fingers = [data.qpos[model.joint(name).qposadr[0]] for name in spec.gripper.joints]
+    assert fingers == pytest.approx([spec.gripper.max_width / len(fingers)] * len(fingers), abs=1e-3)
+    data.ctrl[gripper] = model.actuator_ctrlrange[gripper, 0]
+    for _ in range(500):
+        mujoco.mj_step(model, data)
+        assert abs(data.actuator_force[gripper]) <= spec.gripper.max_force + 1e-9
+    assert data.qpos[model.joint(spec.gripper.joints[0]).qposadr[0]] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_the_sphere_file_is_the_models_cover(spec):
+    rows = [(s.link, *s.center, s.radius) for s in spec.spheres]
+    expected = [(link, *row) for link, spheres in cover_model(spec.model_file).items() for row in spheres]
+    assert rows == expected
+
+
+def test_every_surface_point_of_the_model_is_inside_a_sphere(spec, model):
+    rng = np.random.default_rng(0)
+    for geom in range(model.ngeom):
+        body = model.body(model.geom_bodyid[geom]).name
+        spheres = [s for s in spec.spheres if s.link == body]
+        points = surface(model, geom, rng)
+        gaps = [np.linalg.norm(points - s.center, axis=1) - s.radius for s in spheres]
+        assert np.min(gaps, axis=0).max() <= 1e-4, model.geom(geom).name
+
+
+def surface(model, geom, rng):
+    """Random surface points of a box, capsule or cylinder, in its body's frame."""
+    u, size = rng.normal(size=(300, 3)), model.geom_size[geom]
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    kind = mujoco.mjtGeom(model.geom_type[geom])
+    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+        points = size[0] * u + np.column_stack([np.zeros((300, 2)), rng.uniform(-size[1], size[1], 300)])
+    elif kind == mujoco.mjtGeom.mjGEOM_BOX:
+        points = size * u / np.abs(u).max(axis=1, keepdims=True)
+    else:
+        raise AssertionError(f"no surface for {kind}")
+    R = np.zeros(9)
+    mujoco.mju_quat2Mat(R, model.geom_quat[geom])
+    return points @ R.reshape(3, 3).T + model.geom_pos[geom]
+
+
+def test_looks_are_added_without_touching_the_physics(robot):
+    mjcf = pytest.importorskip("dm_control.mjcf")
+    spec = robot("panda")
+    if mesh_folder("panda") is None:
+        pytest.skip("rtb-data is not installed")
+    model = mjcf.from_path(str(spec.model_file))
+    assert add_looks(model, spec)
+    dressed = mujoco.MjModel.from_xml_string(model.to_xml_string(), model.get_assets())
+    plain = mujoco.MjModel.from_xml_path(str(spec.model_file))
+    np.testing.assert_allclose(dressed.body_mass, plain.body_mass)
+    assert (dressed.geom_contype != 0).sum() == (plain.geom_contype != 0).sum()
+    assert {body for body in LOOKS["panda"][1]} <= {dressed.body(i).name for i in range(dressed.nbody)}
+
+
+def test_without_meshes_a_robot_keeps_its_shapes(robot, monkeypatch):
+    monkeypatch.setattr("gap_robots.visuals.mesh_folder", lambda name: None)
+    assert not add_looks(object(), robot("panda"))
