@@ -32,6 +32,10 @@ from gap_cli.contracts.types import (
     Vec3,
 )
 from gap_cli.contracts.world import Instance, WorldFrame
+from gap_cli.graph.compile import compile_workflow
+from gap_cli.graph.compiled import CompiledGraph
+from gap_cli.graph.events import Observer
+from gap_cli.graph.execute import RunResult, RunSetup, run_graph
 from gap_cli.graph.model import Workflow
 
 STEP_S = 0.02
@@ -305,6 +309,19 @@ def fake_skill(tools: Sequence[str] = (), **changes: Any) -> SkillContract:
         "exits": Exits(success={"done": "done"}, failure="failed"),
     }
     return SkillContract(**{**contract, **changes})
+
+
+def compile_fake(
+    workflow: Workflow, *more: Tool, folder: Path = Path(), canonical: Mapping[str, Path] | None = None, **skill: Any
+) -> CompiledGraph:
+    """Compile a workflow whose subgraphs are of skill `fake`, with the fake tools and `more`."""
+    contract = fake_skill([t.spec.name for t in more], **skill)
+    return compile_workflow(workflow, folder, fake_tools(*more), {"fake": contract}, canonical or {})
+
+
+def run_fake(workflow: Workflow, *more: Tool, observers: Sequence[Observer] = (), **setup: Any) -> RunResult:
+    """Compile and run such a workflow; `setup` goes to `RunSetup`."""
+    return run_graph(compile_fake(workflow, *more), RunSetup(**setup), observers)
 
 
 def fake_workflow(

@@ -135,6 +135,7 @@ class CompiledGraph:
     entries: tuple[int, ...]
     callees: Mapping[str, Callee]
     sources: Mapping[str, str]
+    dry: bool = False
 
     @property
     def name(self) -> str:

@@ -117,6 +117,10 @@ class NodeContext:
         """Raise `CancelledError` (told to stop) or `ToolError` code `deadline`; call it in long loops."""
         self._attempt.check()
 
+    def seconds_left(self) -> float:
+        """Wall seconds until this node's deadline."""
+        return self._attempt.deadline - monotonic()
+
     def publish(self, value: Any) -> None:
         """Make `value` the latest of this streaming node. Raises `BadRequestError` in any other node."""
         self._attempt.check()
@@ -140,8 +144,7 @@ class NodeContext:
         runner = self._services.script_runner
         if runner is None:
             raise GapError(f"{self._attempt.node.path} runs an inline script, and there is no jail to run it in.")
-        left = self._attempt.deadline - monotonic()
-        return runner(file, inputs, lambda name, given: self.tool(name, **given), left)
+        return runner(file, inputs, lambda name, given: self.tool(name, **given), self.seconds_left())
 
     def _permitted(self, name: str) -> Callee:
         callee = self._services.callees.get(name) or self._services.callees.get(name.replace("_", "-"))

@@ -59,7 +59,9 @@ class Course:
         self._due = Due(graph.nodes)
         self._due.reach(graph.entries)
         self._values: dict[str, tuple[int, Any]] = {}
-        self._observations = Observations(services.world, graph.workflow.meta.get("observation_stream_hz", ""))
+        self._observations = Observations(
+            services.world, graph.workflow.meta.get("observation_stream_hz", ""), graph.dry
+        )
 
     @property
     def has_due(self) -> bool:

@@ -151,7 +151,7 @@ def _require(graph: CompiledGraph, setup: RunSetup) -> None:
 
 
 def _enforces_checkpoints(graph: CompiledGraph) -> bool:
-    return graph.workflow.meta.get("validate_checkpoints", "").lower() == "true"
+    return not graph.dry and graph.workflow.meta.get("validate_checkpoints", "").lower() == "true"
 
 
 def _robots(world: World | None) -> tuple[RobotSpec, ...]:

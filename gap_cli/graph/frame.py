@@ -67,8 +67,8 @@ class Frame:
     """The state of one pass. `slots` holds each node's output by index; `sends` what a router wants run, by target."""
 
     __slots__ = (
-        "due", "ends_run", "ids", "inputs", "name", "observations", "sends", "slots", "streamers", "streams", "subgraph",
-        "terminals", "top",
+        "due", "ends_run", "ids", "inputs", "name", "observations", "sends", "slots", "streamers", "streams",
+        "subgraph", "terminals", "top",
     )  # fmt: skip
 
     def __init__(

@@ -14,7 +14,7 @@ from gap_cli.graph.frame import Frame
 from gap_cli.graph.pool import Pool
 from gap_cli.graph.safety import stop_arms
 from gap_cli.graph.streaming import start_streaming
-from gap_cli.graph.superstep import Abandoned, SuperStep
+from gap_cli.graph.superstep import Abandoned, ParallelStep, SuperStep
 
 FATAL = (PrivilegedReadError, SimulationDivergedError)
 
@@ -67,7 +67,10 @@ class Scheduler:
             if not course.over.is_set():
                 course.finish_idle()
             return None
-        self.step = SuperStep(attempts, lockstep=self._lockstep, shuffle=self._shuffle)
+        if len(attempts) == 1:
+            self.step = SuperStep(attempts)
+        else:
+            self.step = ParallelStep(attempts, lockstep=self._lockstep, shuffle=self._shuffle)
         if self.emitter:
             for attempt in attempts:
                 self._announce(attempt)

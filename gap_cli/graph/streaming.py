@@ -8,6 +8,7 @@ from time import monotonic
 
 from gap_cli.contracts.failures import CancelledError, ToolError
 from gap_cli.contracts.privilege import enter_node, leave_node
+from gap_cli.contracts.typeref import TypeRef
 from gap_cli.contracts.world import World, WorldFrame
 from gap_cli.graph.attempt import Attempt
 from gap_cli.graph.compiled import Callee
@@ -15,6 +16,7 @@ from gap_cli.graph.context import NodeContext, Services, claim
 from gap_cli.graph.frame import Frame
 from gap_cli.graph.perform import inputs_of
 from gap_cli.graph.streams import Stream
+from gap_cli.graph.synthesize import synthesize
 
 ENDING_S = 1.0
 DEFAULT_HZ = 10.0
@@ -23,19 +25,22 @@ DEFAULT_HZ = 10.0
 class Observations:
     """What `in.observation_stream` reads: the world's sensors at `hz` of world time, from the first reader on."""
 
-    def __init__(self, world: World | None, hz: str) -> None:
-        self._world, self._hz = world, float(hz or DEFAULT_HZ)
+    def __init__(self, world: World | None, hz: str, dry: bool) -> None:
+        self._world, self._hz, self._dry = world, float(hz or DEFAULT_HZ), dry
         self._lock = threading.Lock()
         self._stream: Stream | None = None
         self._unsubscribe: Callable[[], None] = lambda: None
 
     def stream(self) -> Stream:
         """The stream, subscribed now if it is the first request. Raises `ToolError` in a run without a world."""
-        if self._world is None:
+        if self._world is None and not self._dry:
             raise ToolError("no_world", "This run has no world to observe.")
         with self._lock:
             if self._stream is None:
                 stream = self._stream = Stream("in.observation_stream")
+                if self._world is None:
+                    stream.publish(synthesize(TypeRef("Observation")))
+                    return stream
                 self._unsubscribe = self._world.subscribe(
                     lambda f: _offer(stream, f), self._hz, self._world.camera_names
                 )

@@ -21,50 +21,30 @@ class Abandoned(BaseException):
 
 
 class SuperStep:
-    """The attempts of one step and how far they got. It can be taken over by another thread between two of them.
+    """A step of one node. It can be taken over by another thread when its own is stuck; `current` is what runs here."""
 
-    Movers run alone and after all others, in sorted order, so that the world does not depend on timing. With
-    `lockstep`, a failure lets the siblings before it finish: the first failure by order is then the same every time.
-    """
+    __slots__ = ("attempts", "current")
 
-    def __init__(self, attempts: Sequence[Attempt], *, lockstep: bool, shuffle: random.Random | None) -> None:
-        self.attempts = list(attempts)
-        self.current: Attempt | None = None  # the one on the scheduler's own thread
-        self._lockstep = lockstep
-        self._done: queue.SimpleQueue[Attempt] = queue.SimpleQueue()
-        watchers = [a for a in self.attempts if a.node.effect != "actuate"]
-        self._movers = deque(a for a in self.attempts if a.node.effect == "actuate")
-        if shuffle is not None:
-            shuffle.shuffle(watchers)
-        self._watchers = deque(watchers)
-        self._open = len(watchers)
-        self._submitted = False
+    def __init__(self, attempts: list[Attempt]) -> None:
+        self.attempts = attempts
+        self.current: Attempt | None = None
 
     def run(self, services: Services, pool: Pool) -> None:
-        """Run what is left. Raises `Abandoned` on a thread that was given up."""
-        if not self._submitted and self._open > 1:
-            self._submitted = True
-            for _ in range(self._open - 1):
-                pool.submit(lambda: self._drain(services))
-        for attempt in refuse_conflicts(self._movers):
-            self.cancel_siblings(attempt)
-        self._help(services)
-        while self._open:
-            self._done.get()
-            self._open -= 1
-        while self._movers:
-            attempt = self._movers.popleft()
-            if attempt.state is State.RUNNING and not attempt.cancelled and attempt.error is None:
-                self._inline(services, attempt)
+        """Run what is left of it. Raises `Abandoned` on a thread that was given up."""
+        attempt = self.attempts[0]
+        if attempt.state is State.RUNNING:
+            self.perform_here(services, attempt)
+
+    def perform_here(self, services: Services, attempt: Attempt) -> None:
+        """Run one attempt on the scheduler's own thread. Raises `Abandoned` on a thread that was given up."""
+        self.current = attempt
+        if not perform(services, attempt):
+            raise Abandoned
+        self.current = None
 
     def give_up(self, services: Services, attempt: Attempt) -> bool:
         """Abandon an attempt that does not stop; False when it ended meanwhile."""
-        if not attempt.abandon(services.settling):
-            return False
-        self.cancel_siblings(attempt)
-        if attempt.node.effect != "actuate":
-            self._done.put(attempt)
-        return True
+        return attempt.abandon(services.settling)
 
     def cancel(self, why: str) -> None:
         """Tell everything in this step to stop."""
@@ -72,43 +52,91 @@ class SuperStep:
             if attempt.state is State.RUNNING:
                 attempt.cancel(why)
 
-    def _help(self, services: Services) -> None:
-        """Run parallel branches on this thread too, as long as some have no thread yet."""
-        while self._watchers:
-            try:
-                attempt = self._watchers.popleft()
-            except IndexError:
-                return
-            self._inline(services, attempt)
-            self._done.put(attempt)
-
-    def _inline(self, services: Services, attempt: Attempt) -> None:
-        self.current = attempt
-        if not perform(services, attempt):
-            raise Abandoned
-        self.current = None
-        if attempt.error is not None:
-            self.cancel_siblings(attempt)
-
-    def _drain(self, services: Services) -> None:
-        try:
-            attempt = self._watchers.popleft()
-        except IndexError:
-            return
-        if perform(services, attempt):
-            if attempt.error is not None:
-                self.cancel_siblings(attempt)
-            self._done.put(attempt)
-
     def cancel_siblings(self, failed: Attempt) -> None:
         """Tell those that share the failed one's fate. Thread-safe: only flags are set."""
-        later = self.attempts
-        if self._lockstep and failed in later:
-            later = later[later.index(failed) + 1 :]
-        for attempt in later:
+        for attempt in self._after(failed):
             related = failed.frame.ends_run or attempt.frame is failed.frame
             if related and attempt is not failed and attempt.state is State.RUNNING:
                 attempt.cancel(SIBLING)
+
+    def _after(self, failed: Attempt) -> list[Attempt]:
+        return self.attempts
+
+
+class ParallelStep(SuperStep):
+    """A step of several nodes.
+
+    Movers run alone and after all others, in sorted order, so that the world does not depend on timing. With
+    `lockstep`, a failure lets the siblings before it finish: the first failure by order is then the same every time.
+    """
+
+    __slots__ = ("_done", "_lockstep", "_movers", "_open", "_submitted", "_watchers")
+
+    def __init__(self, attempts: list[Attempt], *, lockstep: bool, shuffle: random.Random | None) -> None:
+        super().__init__(attempts)
+        self._lockstep = lockstep
+        self._done: queue.SimpleQueue[Attempt] = queue.SimpleQueue()
+        watchers = [a for a in attempts if a.node.effect != "actuate"]
+        if shuffle is not None:
+            shuffle.shuffle(watchers)
+        self._watchers = deque(watchers)
+        self._movers = deque(a for a in attempts if a.node.effect == "actuate")
+        self._open = len(watchers)
+        self._submitted = False
+
+    def run(self, services: Services, pool: Pool) -> None:
+        """Run what is left of it. Raises `Abandoned` on a thread that was given up."""
+        if not self._submitted:
+            self._submitted = True
+            for attempt in refuse_conflicts(self._movers):
+                self.cancel_siblings(attempt)
+            for _ in range(self._open - 1):
+                pool.submit(lambda: self._run_one(services))
+        while (watcher := self._next()) is not None:  # this thread helps, as long as some have no thread yet
+            self.perform_here(services, watcher)
+            self._ended(watcher)
+        while self._open:
+            self._done.get()
+            self._open -= 1
+        while self._movers:
+            mover = self._movers.popleft()
+            if mover.state is State.RUNNING and not mover.cancelled and mover.error is None:
+                self.perform_here(services, mover)
+                services.leases.yield_clock(mover)
+                if mover.error is not None:
+                    self.cancel_siblings(mover)
+
+    def give_up(self, services: Services, attempt: Attempt) -> bool:
+        """Abandon an attempt that does not stop; False when it ended meanwhile."""
+        if not super().give_up(services, attempt):
+            return False
+        if attempt.node.effect == "actuate":
+            services.leases.yield_clock(attempt)
+            self.cancel_siblings(attempt)
+        else:
+            self._ended(attempt)
+        return True
+
+    def _next(self) -> Attempt | None:
+        try:
+            return self._watchers.popleft()
+        except IndexError:
+            return None
+
+    def _run_one(self, services: Services) -> None:
+        attempt = self._next()
+        if attempt is not None and perform(services, attempt):
+            self._ended(attempt)
+
+    def _ended(self, attempt: Attempt) -> None:
+        if attempt.error is not None:
+            self.cancel_siblings(attempt)
+        self._done.put(attempt)
+
+    def _after(self, failed: Attempt) -> list[Attempt]:
+        if self._lockstep and failed in self.attempts:
+            return self.attempts[self.attempts.index(failed) + 1 :]
+        return self.attempts
 
 
 def refuse_conflicts(movers: Sequence[Attempt]) -> list[Attempt]:

@@ -37,25 +37,30 @@ class Supervisor:
         self._grace_s, self._recovery_budget_s = grace_s, recovery_budget_s
         self._end = None if budget_s is None else monotonic() + budget_s
         self._budget_s = budget_s
+        self._interrupts = 0
 
     def run(self) -> None:
         """Until the run is over. A first Ctrl-C cancels the run, a second one its recovery."""
         self._start_runner()
-        while True:
+        while not self._course.over.is_set():
             try:
                 while not self._course.over.wait(TICK_S):
                     self._tick()
-                return
             except KeyboardInterrupt:
-                self._stop("cancelled", "Interrupted.")
+                self._interrupts += 1  # acted upon in the next tick, where another one cannot get in between
+        self._runner.join(self._grace_s)
 
     def _start_runner(self) -> None:
-        threading.Thread(target=self._scheduler.loop, name="gap-graph", daemon=True).start()
+        self._runner = threading.Thread(target=self._scheduler.loop, name="gap-graph", daemon=True)
+        self._runner.start()
 
     def _tick(self) -> None:
         now = monotonic()
         if self._heartbeat is not None:
             self._heartbeat()
+        while self._interrupts:
+            self._interrupts -= 1
+            self._stop("cancelled", "Interrupted.")
         if self._scheduler.stopping is None:
             if self._cancel is not None and self._cancel.is_set():
                 self._stop("cancelled", "Cancelled.")

@@ -97,7 +97,7 @@ def require_finite(value: Any, where: str) -> None:
             require_finite(item, f"{where}.{key}")
         return
     elif isinstance(value, Value) and kind is not DepthImage:
-        for name in _field_names(kind):
+        for name in _field_names(kind):  # type: ignore[arg-type]
             require_finite(getattr(value, name), f"{where}.{name}")
         return
     else:
