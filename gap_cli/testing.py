@@ -121,16 +121,17 @@ class FakeWorld:
         self.time = 0.0
         self._pace = pace
         self._lock = threading.Lock()
-        self._poses = {name: Se3Pose(p, UPRIGHT) for name, p in (objects or {"can": Vec3(0.0, 0.1, 0.05)}).items()}
+        self._home = {name: Se3Pose(p, UPRIGHT) for name, p in (objects or {"can": Vec3(0.0, 0.1, 0.05)}).items()}
+        self._poses = dict(self._home)
         self._start: WorldSnapshot | None = None
         self._listeners: dict[int, tuple[Callable[[WorldFrame], None], float, float]] = {}
         self.closed = False
 
     def sample(self, seed: int) -> Instance:
-        """Every object within 5 cm of where it is."""
+        """Every object within 5 cm of where it was put when the world was made."""
         rng = np.random.default_rng(seed)
         poses = {n: Se3Pose(Vec3.of(p.position.array + rng.uniform(-0.05, 0.05, 3) * [1, 1, 0]), UPRIGHT)
-                 for n, p in sorted(self._poses.items())}  # fmt: skip
+                 for n, p in sorted(self._home.items())}  # fmt: skip
         return Instance(seed, "fake", poses)
 
     def reset(self, instance: Instance) -> None:
