@@ -40,14 +40,12 @@ class Job:
     def __init__(self, server: ForkServer, pid: int, pipes: Pipes) -> None:
         self.pid, self.pipes = pid, pipes
         self.status: int | None = None
-        self._server = server
+        self._server, self._generation = server, server.generation
 
     def end(self) -> None:
         """Kill whatever is left of it and learn how it ended."""
         if self.status is None:
-            self.status = -1
-            with contextlib.suppress(SandboxError):  # the server is gone, and its children with it
-                self.status = self._server.ask({"op": "finish", "pid": self.pid})["status"]
+            self.status = self._server.finish(self.pid, self._generation)
         self.pipes.close()
 
 
@@ -63,6 +61,7 @@ class ForkServer:
         self._process: subprocess.Popen[bytes] | None = None
         self._control: socket.socket | None = None
         self._level = "none"
+        self.generation = 0  # how many servers were started
         _alive.add(self)
 
     def level(self) -> str:
@@ -109,6 +108,13 @@ class ForkServer:
                 self._stop()
                 raise SandboxError(f"The sandbox server died ({error}).", cause="unavailable") from None
 
+    def finish(self, pid: int, generation: int) -> int:
+        """Kill and reap a child; its wait status, or -1 where its server is gone and so is the child."""
+        with contextlib.suppress(SandboxError):
+            if generation == self.generation and self._control is not None:
+                return int(self.ask({"op": "finish", "pid": pid}).get("status", -1))
+        return -1
+
     def close(self) -> None:
         """Stop the server and every child it still has. Idempotent; a later call starts it again."""
         with self._lock:
@@ -137,6 +143,7 @@ class ForkServer:
             raise SandboxError(f"The sandbox cannot start: {greeting['error']}.", cause="unavailable")
         ours.settimeout(ANSWER_S)
         self._level = greeting["level"]
+        self.generation += 1
         return ours
 
     def _stop(self) -> None:

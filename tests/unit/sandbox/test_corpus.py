@@ -1,14 +1,12 @@
 """Every payload of the corpus, in the jail without its lint: one typed error or a harmless value, and nothing left."""
 
 import contextlib
-import os
 import platform
 import resource
 import shutil
 import socket
 import tempfile
 import textwrap
-import time
 from pathlib import Path
 
 import pytest
@@ -18,14 +16,19 @@ from gap_cli.sandbox import ScriptJail, run_builder
 from gap_cli.sandbox.server import ForkServer
 from tests.unit.sandbox import corpus
 
-WALL_S = 0.6
+SHORT_S, LONG_S = 0.5, 30.0  # for what is meant to run out of time, and for everything else on a busy machine
 X86 = platform.machine() == "x86_64"
-COMMON = [*corpus.FILES, *corpus.PROCESSES, *corpus.SOCKETS, *corpus.LANGUAGE, *corpus.BOMBS, *corpus.KERNEL * X86]
-BUILDER = [*COMMON, *corpus.BUILDER_OUTPUT]
-SCRIPT = [*corpus.NUMPY, *corpus.RPC]
+ANYWHERE = ["files", "processes", "sockets", "language", "bombs", *["kernel"] * X86]
+BUILDER = [payload for name in [*ANYWHERE, "builder_output"] for payload in corpus.read(name)]
+SCRIPT = [payload for name in ["numpy", "rpc"] for payload in corpus.read(name)]
 HOST_GROWTH_KB = 300_000
-PREAMBLE = """
-import os, msgpack, numpy as np
+HELP = """
+import ctypes, os, msgpack, struct
+libc = ctypes.CDLL(None)
+def frame(data): os.write(4, struct.pack("<I", len(data)) + data)
+"""
+SCRIPT_HELP = """
+import numpy as np
 from gap_cli.sandbox.frames import write_frame
 def raw(data): write_frame(4, data)
 def ext(code, data): return msgpack.ExtType(code, data)
@@ -51,7 +54,7 @@ class Range:
 
     def names(self):
         port = self.listener.getsockname()[1]
-        return f"CANARY = {str(self.folder / 'canary')!r}\nPORT = {port}\n"
+        return f"CANARY = {str(self.folder / 'canary')!r}\nPORT = {port}\n{HELP}"
 
     def hit(self):
         """Whether anything was reached since the last call."""
@@ -64,14 +67,14 @@ class Range:
         return touched
 
     def fire_builder(self, payload, *, jailed=True):
-        source = f"{self.names()}{payload.code}\nsg = Subgraph('x', skill='y')\n"
-        return outcome(lambda: run_builder(source, unsafe=not jailed, wall_s=WALL_S, server=self.builder[jailed]))
+        source, seconds = f"{self.names()}{payload.code}\nsg = Subgraph('x', skill='y')\n", wall_s(payload)
+        return outcome(lambda: run_builder(source, unsafe=not jailed, wall_s=seconds, server=self.builder[jailed]))
 
     def fire_script(self, payload, *, jailed=True):
         path = self.scripts / f"{payload.name}.py"
-        path.write_text(f"{self.names()}{PREAMBLE}def run(ctx):\n{textwrap.indent(payload.code, '    ')}\n")
+        path.write_text(f"{self.names()}{SCRIPT_HELP}def run(ctx):\n{textwrap.indent(payload.code, '    ')}\n")
         jail = ScriptJail(unsafe=not jailed, max_calls=50, server=self.script[jailed])
-        return outcome(lambda: jail.run(path, {}, echo, WALL_S))
+        return outcome(lambda: jail.run(path, {}, echo, wall_s(payload)))
 
     def close(self):
         for server in [*self.builder.values(), *self.script.values()]:
@@ -85,6 +88,10 @@ def echo(name, inputs):
     if name != "a.Echo":
         raise UnknownNameError("tool", name, ["a.Echo"])
     return inputs["x"]
+
+
+def wall_s(payload):
+    return SHORT_S if "timeout" in payload.ends else LONG_S
 
 
 def outcome(work):
@@ -104,6 +111,10 @@ def children(server):
     return Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
 
 
+def descriptors(pid):
+    return len(list(Path(f"/proc/{pid}/fd").iterdir()))
+
+
 @pytest.fixture(scope="module")
 def target():
     with pytest.MonkeyPatch.context() as patch:
@@ -117,15 +128,13 @@ def target():
 
 @pytest.mark.parametrize("payload", BUILDER, ids=lambda p: p.name)
 def test_builder_code_cannot(payload, target):
-    started = time.monotonic()
-    assert target.fire_builder(payload) in payload.ends.split()
-    assert time.monotonic() - started < WALL_S + 5
+    assert target.fire_builder(payload) in payload.ends
     assert not target.hit()
 
 
 @pytest.mark.parametrize("payload", SCRIPT, ids=lambda p: p.name)
 def test_a_script_cannot(payload, target):
-    assert target.fire_script(payload) in payload.ends.split()
+    assert target.fire_script(payload) in payload.ends
     assert not target.hit()
 
 
@@ -143,15 +152,15 @@ def test_the_script_payload_is_live_without_the_filter(payload, target):
 
 def test_the_host_leaves_nothing_and_keeps_nothing(target):
     """Runs last over everything at once: no child, no descriptor, no memory stays behind."""
-    quiet = corpus.Payload("", "pass", "value")
+    quiet = corpus.Payload("quiet", "pass", ("value",))
     assert target.fire_builder(quiet) == target.fire_script(quiet) == "value"
-    before = len(os.listdir("/proc/self/fd"))
+    before = descriptors("self")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    for payload in [p for p in corpus.RPC if "megabytes" in p.name or "items" in p.name]:
+    for payload in [p for p in SCRIPT if "megabytes" in p.name or "items" in p.name]:
         target.fire_script(payload)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - peak < HOST_GROWTH_KB
-    assert len(os.listdir("/proc/self/fd")) == before
+    assert descriptors("self") == before
     for server in [*target.builder.values(), *target.script.values()]:
         if server._process is not None:
             assert children(server) == []
-            assert len(os.listdir(f"/proc/{server._process.pid}/fd")) <= 8
+            assert descriptors(server._process.pid) <= 8
