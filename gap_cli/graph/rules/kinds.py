@@ -16,7 +16,7 @@ _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}")
 _RESERVED = {"START", "END", "in", "param"}
 _COMMON = {"type", "description", "max_visits"}
 _CALL = _COMMON | {"inputs", "deadline_s"}
-_KEYS: dict[str, tuple[set[str], set[str]]] = {  # type -> (keys it needs, keys it may have)
+KEYS: dict[str, tuple[set[str], set[str]]] = {  # type -> (keys it needs, keys it may have)
     "tool": ({"tool"}, _CALL | {"tool", "streaming"}),
     "script": ({"script"}, _CALL | {"script", "streaming"}),
     "router": ({"script"}, _CALL | {"script"}),
@@ -43,7 +43,7 @@ def _keys(nodes: Mapping[str, Node], here: tuple[str, ...], prefix: str) -> Iter
         if node.type not in here:
             yield Finding(f"{path}.type", "W2", *_wrong_type(node, here))
             continue
-        needed, allowed = _KEYS[node.type]
+        needed, allowed = KEYS[node.type]
         given = {k for k in node.model_fields_set if getattr(node, k) not in (None, False)}
         for key in sorted(needed - given):
             yield Finding(path, "W2", f"a node of type {node.type} needs {key!r}")
@@ -54,7 +54,7 @@ def _keys(nodes: Mapping[str, Node], here: tuple[str, ...], prefix: str) -> Iter
 def _wrong_type(node: Node, here: tuple[str, ...]) -> tuple[str, str]:
     if node.type in RETIRED:
         return f"node type {node.type!r} is retired", migration(node.type, node.model_dump())
-    if node.type in _KEYS:
+    if node.type in KEYS:
         place = "only stands at the top level" if here is INSIDE else "only stands inside a subgraph"
         return f"a node of type {node.type} {place}", f"Here: {', '.join(here)}."
     return f"there is no node type {node.type!r}", did_you_mean(node.type, here)

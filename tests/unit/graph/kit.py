@@ -10,7 +10,6 @@ from gap_cli.contracts.skill import SkillContract
 from gap_cli.contracts.tool import REQUIRED, Param, ToolSpec
 from gap_cli.contracts.typeref import TypeRef
 from gap_cli.errors import WorkflowError
-from gap_cli.graph import builder
 from gap_cli.graph.assemble import assembled_lines
 from gap_cli.graph.builder import END, START, Ref, ServiceCall, Subgraph, WorkflowSpec, assemble
 from gap_cli.graph.catalog import Catalog
@@ -249,6 +248,3 @@ def plain_workflow():
     for sg in subgraphs:
         declare(spec, sg)
     return dump_workflow(workflow_of(spec, subgraphs)[0])
-
-
-__all__ = ["builder"]

@@ -1,0 +1,38 @@
+"""`gap schema`: the JSON Schema of a document, for editors."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gap_cli.commands.common import print_json
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+KINDS = ("workflow", "contract", "task", "run")
+
+
+def schema(
+    kind: Annotated[
+        str, typer.Argument(help=f"One of {', '.join(KINDS)}.", autocompletion=lambda: list(KINDS), metavar="KIND")
+    ],
+) -> None:
+    """Print the JSON Schema of a workflow, a skill's contract, a task or a run."""
+    print_json(schema_of(kind))
+
+
+def schema_of(kind: str) -> dict[str, Any]:
+    """The schema. Raises `UnknownNameError`."""
+    from gap_cli.artifacts.asked import Asked
+    from gap_cli.contracts.skill import SkillContract
+    from gap_cli.contracts.task import Task
+    from gap_cli.errors import UnknownNameError
+    from gap_cli.graph.model import Workflow
+    from gap_cli.graph.schema import json_schema
+
+    models: dict[str, type[BaseModel]] = {"workflow": Workflow, "contract": SkillContract, "task": Task, "run": Asked}
+    if kind not in models:
+        raise UnknownNameError("kind of document", kind, KINDS)
+    return json_schema(models[kind], kind, leave_out=("path", "variant") if kind == "task" else ())

@@ -1,0 +1,57 @@
+"""Who waits for whom."""
+
+from __future__ import annotations
+
+import pytest
+
+from gap_cli.contracts.failures import UnknownNameError
+from gap_cli.graph.model import Routing
+from gap_cli.graph.topology import make_topology
+
+
+def waits(topology, name):
+    mask = topology.waits_for[topology.index[name]]
+    return {n for n, i in topology.index.items() if mask >> i & 1}
+
+
+def test_only_a_join_waits_and_for_all_that_can_reach_it():
+    edges = [("START", "a"), ("a", "b"), ("a", "c"), ("c", "d"), ("b", "join"), ("d", "join"), ("join", "END")]
+    topology = make_topology("a b c d join".split(), edges, {}, "x")
+    assert waits(topology, "join") == {"a", "b", "c", "d"}
+    assert not waits(topology, "d")
+    assert topology.ends == {topology.index["join"]}
+
+
+def test_an_entry_with_another_way_in_is_a_join():
+    topology = make_topology(["a", "b"], [("START", "a"), ("START", "b"), ("b", "a")], {}, "x")
+    assert waits(topology, "a") == {"b"}
+
+
+def test_conditional_targets_count_as_ways_in():
+    routing = {"a": Routing(router_field="ok", mapping={"true": "join", "false": "b"})}
+    topology = make_topology(["a", "b", "join"], [("START", "a"), ("b", "join")], routing, "x")
+    assert waits(topology, "join") == {"a", "b"}
+
+
+def test_what_can_run_again_is_known_and_a_chain_cannot():
+    routing = {"b": Routing(router_field="again", mapping={"true": "a", "false": "c"})}
+    topology = make_topology("a b c d".split(), [("START", "a"), ("a", "b"), ("c", "d"), ("d", "END")], routing, "x")
+    assert {topology.names[i] for i in topology.looped} == {"a", "b"}
+
+
+def test_order_of_declaration_does_not_matter():
+    edges = [("START", "a"), ("a", "b"), ("b", "END")]
+    assert make_topology(["a", "b"], edges, {}, "x") == make_topology(["b", "a"], edges[::-1], {}, "x")
+
+
+def test_an_edge_to_nowhere_names_the_nearest_node():
+    with pytest.raises(UnknownNameError, match="grasp"):
+        make_topology(["grasp"], [("START", "grsp")], {}, "x")
+
+
+def test_a_long_chain_and_a_wide_join_are_quick_to_resolve():
+    names = [f"n{i}" for i in range(5000)]
+    chain = make_topology(names, [("START", "n0"), *zip(names, names[1:], strict=False)], {}, "x")
+    assert not any(chain.waits_for)
+    wide = make_topology([*names, "z"], [(n, "z") for n in names], {}, "x")
+    assert wide.waits_for[-1].bit_count() == 5000
