@@ -6,12 +6,14 @@ is random: equal requests give equal answers.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from gap_cli.contracts.types import Array
-from gap_motion import ik_7r
+from gap_motion import ik_6r, ik_7r
 from gap_motion.failures import joint_range, outside_limits, unreachable
 from gap_motion.ik_numeric import descend, spread
 from gap_motion.kinematics import Chain
@@ -30,11 +32,13 @@ def candidates(chain: Chain, T: Array, near: Array, count: int = COARSE) -> Arra
 
     Returns (M, K, n), NaN where there is none. Limits are respected by the numeric solver only; see `inside`.
     """
-    form = _closed_form(chain)
+    form = closed_form(chain)
     low, high = joint_range(chain.spec)
     if form is not None:
-        free = np.concatenate([np.linspace(low[-1], high[-1], count), [near[-1]]])
-        return into_range(chain, _seven(form, T, np.broadcast_to(free, (len(T), len(free)))), near)
+        spread_out = np.linspace(low[-1], high[-1], count if form.free else 0)
+        free = np.append(spread_out, near[-1])
+        found = candidates_at(chain, T, np.broadcast_to(free, (len(T), len(free))))
+        return into_range(chain, found.reshape(len(T), -1, chain.dof), near)
     seeds = np.concatenate([near[None], spread(low, high, SEEDS)])
     found = descend(chain, np.repeat(T, len(seeds), axis=0), np.tile(seeds, (len(T), 1)), (low, high))
     return found.reshape(len(T), len(seeds), chain.dof)
@@ -73,8 +77,8 @@ def nearest(chain: Chain, T: Array, near: Array, what: str = "the pose") -> Arra
     """
     found = candidates(chain, T[None], near)[0]
     good = inside(chain, found)
-    form = _closed_form(chain)
-    if form is not None and not good.any():
+    form = closed_form(chain)
+    if form is not None and form.free and not good.any():
         found = candidates(chain, T[None], near, DENSE)[0]
         good = inside(chain, found)
     if not good.any():
@@ -82,45 +86,61 @@ def nearest(chain: Chain, T: Array, near: Array, what: str = "the pose") -> Arra
     best = _cheapest(chain, found[good], near)
     low, high = joint_range(chain.spec)
     width = (high[-1] - low[-1]) / COARSE
-    while form is not None and width > 0.005:
+    while form is not None and form.free and width > 0.005:
         free = np.clip(best[-1] + np.linspace(-width, width, FINE), low[-1], high[-1])
-        more = into_range(chain, _seven(form, T[None], free[None])[0], near)
+        more = into_range(chain, candidates_at(chain, T[None], free[None])[0].reshape(-1, chain.dof), near)
         best = _cheapest(chain, np.concatenate([best[None], more[inside(chain, more)]]), near)
         width *= 2.0 / (FINE - 1)
     return best
 
 
 def free_joint_grid(chain: Chain, center: float, reach: float, count: int) -> Array | None:
-    """Values of the free joint around `center` [rad] inside its limits, or None for an arm without a closed form."""
-    if _closed_form(chain) is None:
+    """Values of the last joint around `center` [rad] to try, or None for an arm without a closed form."""
+    form = closed_form(chain)
+    if form is None:
         return None
+    if not form.free:
+        return np.array([center])
     low, high = joint_range(chain.spec)
     return np.clip(center + np.linspace(-reach, reach, count), low[-1], high[-1])
 
 
-def candidates_at(chain: Chain, T: Array, free: Array) -> Array:
-    """All branches for M poses with K values (M, K) of the free joint each: (M, K, branches, n), NaN where none."""
-    found = _seven(_closed_form(chain), T, free)
-    return found.reshape(len(T), free.shape[1], -1, chain.dof)
+def candidates_at(chain: Chain, T: Array, last: Array) -> Array:
+    """All branches for M poses with K values (M, K) of the last joint each: (M, K, branches, n), NaN where none."""
+    form = closed_form(chain)
+    if form is None:
+        raise ValueError(f"{chain.spec.name} has no closed form")
+    poses = np.repeat(T, last.shape[1], axis=0)
+    return form.solve(poses, last.reshape(-1)).reshape(len(T), last.shape[1], -1, chain.dof)
 
 
 def _cheapest(chain: Chain, q: Array, near: Array) -> Array:
     return np.asarray(q[int(np.argmin(cost(chain, q, near)))])
 
 
-def _seven(form: Any, T: Array, free: Array) -> Array:
-    """All branches for M poses and K values of the last joint each: (M, K * branches, 7)."""
-    poses = np.repeat(T, free.shape[1], axis=0)
-    return ik_7r.solve(form, poses, free.reshape(-1)).reshape(len(T), -1, 7)
+@dataclass(frozen=True)
+class ClosedForm:
+    """`solve(T, last)` gives all branches; `free` where the last joint is a redundant one, to be chosen."""
+
+    solve: Callable[[Array, Array], Array]
+    free: bool
 
 
-_FORMS: dict[int, tuple[Chain, Any]] = {}
+_FORMS: dict[int, tuple[Chain, ClosedForm | None]] = {}
 
 
-def _closed_form(chain: Chain) -> Any:
+def closed_form(chain: Chain) -> ClosedForm | None:
+    """The closed form of an arm, found once per chain, or None."""
     if id(chain) not in _FORMS:
-        _FORMS[id(chain)] = (chain, ik_7r.geometry(chain))
+        _FORMS[id(chain)] = (chain, _find_form(chain))
     return _FORMS[id(chain)][1]
+
+
+def _find_form(chain: Chain) -> ClosedForm | None:
+    seven, six = ik_7r.geometry(chain), ik_6r.geometry(chain)
+    if seven is not None:
+        return ClosedForm(partial(ik_7r.solve, seven), free=True)
+    return ClosedForm(partial(ik_6r.solve, six), free=False) if six is not None else None
 
 
 def _why_not(chain: Chain, T: Array, found: Array, near: Array, what: str) -> Exception:

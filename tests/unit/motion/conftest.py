@@ -52,7 +52,7 @@ def robot():
     return REGISTRY.robot
 
 
-@pytest.fixture(params=["panda"])
+@pytest.fixture(params=["panda", "ur5e"])
 def spec(request):
     return REGISTRY.robot(request.param)
 

@@ -89,6 +89,11 @@ def surface(model, geom, rng):
         points = size[0] * u + np.column_stack([np.zeros((300, 2)), rng.uniform(-size[1], size[1], 300)])
     elif kind == mujoco.mjtGeom.mjGEOM_BOX:
         points = size * u / np.abs(u).max(axis=1, keepdims=True)
+    elif kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        flat = np.abs(u[:, 2]) > 0.5
+        side = u[:, :2] / np.linalg.norm(u[:, :2], axis=1, keepdims=True)
+        height = np.where(flat, np.sign(u[:, 2]), u[:, 2]) * size[1]
+        points = np.column_stack([size[0] * side * np.where(flat, 1 - u[:, 2] ** 2, 1.0)[:, None], height])
     else:
         raise AssertionError(f"no surface for {kind}")
     R = np.zeros(9)
