@@ -13,7 +13,7 @@ from dm_control.composer import variation
 from dm_control.composer.variation import distributions
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.failures import TaskInfeasibleError
+from gap_cli.contracts.failures import TaskInfeasibleError, UnknownNameError
 from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.task import Distribution, Placement, Task
 from gap_cli.contracts.types import Array, Quaternion, Se3Pose, Vec3
@@ -47,6 +47,9 @@ class Belief:
             name: {"offset": as_variation(p.offset), "yaw_deg": as_variation(p.yaw_deg)}
             for name, p in self._regions.items()
         }
+        for place in task.robots:
+            if place.model not in robots:
+                raise UnknownNameError("robot", place.model, robots)
         self._reach = [(np.array(p.position[:2]), robots[p.model].reach) for p in task.robots]
 
     def sample(self, seed: int) -> Instance:

@@ -19,7 +19,7 @@ class Reel:
     """Frames of one camera, as JPEG in memory until saved."""
 
     def __init__(self, camera: str) -> None:
-        self._camera, self._frames = camera, list[Array]()
+        self._camera, self._frames, self._size = camera, list[Array](), (0, 0)
         self._unsubscribe: Callable[[], None] | None = None
 
     def __len__(self) -> int:
@@ -44,8 +44,7 @@ class Reel:
         """Write an .mp4 and return the number of frames. Raises `BadRequestError` when it cannot be written."""
         if not 1 <= fps <= 240 or Path(path).suffix != ".mp4":
             raise BadRequestError("video", f"Cannot write {path!r} at {fps} fps; give an .mp4 file and 1 to 240 fps.")
-        height, width = cv2.imdecode(self._frames[0], cv2.IMREAD_COLOR).shape[:2]
-        writer = cv2.VideoWriter(path, cv2.VideoWriter.fourcc(*"mp4v"), fps, (width, height))
+        writer = cv2.VideoWriter(path, cv2.VideoWriter.fourcc(*"mp4v"), fps, self._size)
         if not writer.isOpened():
             raise BadRequestError("video", f"Cannot write a video to {path!r}.", hint="Does its folder exist?")
         for frame in self._frames:
@@ -56,4 +55,5 @@ class Reel:
     def _add(self, frame: WorldFrame) -> None:
         if len(self._frames) < MAX_FRAMES:
             bgr = frame.observation.cameras[0].rgb.data[:, :, ::-1]
+            self._size = (bgr.shape[1], bgr.shape[0])
             self._frames.append(cv2.imencode(".jpg", bgr, (cv2.IMWRITE_JPEG_QUALITY, 95))[1])

@@ -30,14 +30,25 @@ def probe() -> str:
     reasons = []
     for name in _candidates():
         try:
-            context = _context_class(name)(_PROBE_SIZE, _PROBE_SIZE)
-            context.make_current()
-            context.free()
+            _try(name)
             return name
         except Exception as error:  # whatever a driver or a loader raises, the next backend may still work
             _forget(name)
             reasons.append(f"{name}: {str(error).splitlines()[0] if str(error) else type(error).__name__}")
     raise GraphicsError(f"No OpenGL can render without a screen here ({'; '.join(reasons)}).", hint=INSTALL)
+
+
+def _try(name: str) -> None:
+    """Go all the way to where MuJoCo could draw: a context alone does not prove that there is an OpenGL behind it."""
+    os.environ["MUJOCO_GL"] = name  # MuJoCo's own loader asks for it
+    context = _context_class(name)(_PROBE_SIZE, _PROBE_SIZE)
+    try:
+        context.make_current()
+        import mujoco
+
+        mujoco.MjrContext(mujoco.MjModel.from_xml_string("<mujoco/>"), mujoco.mjtFontScale.mjFONTSCALE_100).free()
+    finally:
+        context.free()
 
 
 def make_context(width: int, height: int) -> Any:
@@ -73,6 +84,7 @@ def _context_class(name: str) -> Any:
 
 def _forget(name: str) -> None:
     """Unload PyOpenGL, so that the next backend can bind it to another platform."""
+    os.environ["MUJOCO_GL"] = "off"
     os.environ.pop("PYOPENGL_PLATFORM", None)
     for module in [m for m in sys.modules if m.split(".")[0] == "OpenGL" or m.startswith(f"mujoco.{name}")]:
         del sys.modules[module]

@@ -46,9 +46,6 @@ class Scene:
 
 def compose(task: Task, scene: str, robots: Mapping[str, RobotSpec]) -> Scene:
     """Build the cell of `task` with the objects of `scene`. Raises `UnknownNameError`, `DocumentError`."""
-    for placement in task.robots:
-        if placement.model not in robots:
-            raise UnknownNameError("robot", placement.model, robots)
     placed = tuple((robots[p.model], p) for p in task.robots)
     eyes = _eyes(task, placed)
     resolution = (max(e.resolution[0] for e in eyes), max(e.resolution[1] for e in eyes)) if eyes else (64, 64)
@@ -123,7 +120,7 @@ def _furnish(root: mjcf.RootElement, environment: Environment) -> None:
             material=top, condim=3, friction=_FRICTION,
         )  # fmt: skip
     x, y, z = _ROOM
-    wall: dict[str, Any] = {"type": "box", "contype": 0, "conaffinity": 0, "rgba": (0.80, 0.81, 0.80, 1)}
+    wall: dict[str, Any] = {"type": "box", "contype": 0, "conaffinity": 0, "rgba": (0.94, 0.95, 0.94, 1)}
     root.worldbody.add("geom", pos=(-x, 0, z), size=(0.02, y, z), **wall)
     for side in (-1, 1):
         root.worldbody.add("geom", pos=(0, side * y, z), size=(x, 0.02, z), **wall)
