@@ -95,10 +95,5 @@ class Beside:
 
 
 def bits(mask: int) -> list[int]:
-    """Positions of the ones."""
-    found = []
-    while mask:
-        low = mask & -mask
-        found.append(low.bit_length() - 1)
-        mask ^= low
-    return found
+    """Positions of the ones, lowest first."""
+    return [i for i, digit in enumerate(reversed(bin(mask))) if digit == "1"]

@@ -11,7 +11,7 @@ from gap_cli.graph.migrate import RETIRED, migration
 from gap_cli.graph.model import VERSION, Node, SubgraphDef, Workflow
 from gap_cli.graph.scope import Scope, Whole
 
-MAX_NODES, MAX_ARCS, MAX_TOTAL = 1000, 5000, 20_000
+MAX_NODES, MAX_ARCS, MAX_TOTAL = 500, 2000, 10_000
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}")
 _RESERVED = {"START", "END", "in", "param"}
 _COMMON = {"type", "description", "max_visits"}

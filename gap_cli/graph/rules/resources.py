@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import islice
 from typing import Any, NamedTuple
 
 from gap_cli.contracts.tool import ToolSpec
@@ -11,6 +12,7 @@ from gap_cli.graph.scope import Scope
 from gap_cli.graph.shapes import has_ref
 
 CLOCK = "clock"
+MAX_PER_NODE = 8  # a node beside a hundred others has one mistake, not a hundred
 
 
 class Hold(NamedTuple):
@@ -56,9 +58,9 @@ def r1_r2_one_holder_at_a_time(scope: Scope) -> Iterator[Finding]:
     held = {name: found for name in scope.nodes if (found := holds(scope, name))}
     names = list(held)
     for i, a in enumerate(names):
-        for b in names[i:]:
-            if (a != b or a in scope.copied) and scope.beside.may_overlap(a, b):
-                yield from _pair(scope, a, b, held[a], held[b])
+        others = (b for b in names[i:] if (a != b or a in scope.copied) and scope.beside.may_overlap(a, b))
+        pairs = (finding for b in others for finding in _pair(scope, a, b, held[a], held[b]))
+        yield from islice(pairs, MAX_PER_NODE)
 
 
 def _pair(scope: Scope, a: str, b: str, ours: list[Hold], theirs: list[Hold]) -> Iterator[Finding]:
