@@ -116,7 +116,7 @@ def from_plain(data: Any, type_: TypeRef | str, *, where: str = "value") -> Any:
 def _object_from_plain(data: Any, cls: type, where: str) -> Any:
     if not isinstance(data, Mapping):
         raise BadRequestError("type", f"{where}: expected {cls.__name__}, got {type(data).__name__}")
-    hints = _hints(cls)
+    hints = field_refs(cls)
     unknown = sorted(set(data) - set(hints))
     if unknown:
         raise BadRequestError(
@@ -140,7 +140,7 @@ def _field(data: Any, ref: TypeRef | None, where: str) -> Any:
 
 
 @cache
-def _hints(cls: type) -> dict[str, TypeRef | None]:
+def field_refs(cls: type) -> dict[str, TypeRef | None]:
     """Field name to TypeRef; None marks an array field."""
     out: dict[str, TypeRef | None] = {}
     resolved = typing.get_type_hints(cls, include_extras=True)

@@ -37,7 +37,7 @@ for _name in ("vos", "vos.builder", "vos.runtime", "vos.runtime.workflow"):
 def main() -> None:
     """Read one job, run it, write one reply: `{"result": ...}` or `{"error": ...}`."""
     job = json.loads(read_frame(REQUEST_FD))
-    ballast: list[bytearray] = [bytearray(4 << 20)]  # given back when memory runs out, so that we can still say so
+    ballast = [bytes(4 << 20)]  # given back when memory runs out, so that we can still say so
     try:
         problem = report(job["source"], BUILDER, FILENAME)
         payload = _encode({"error": problem}) if problem else _output(run(job["source"], job["expect"]))

@@ -68,7 +68,7 @@ def _class_of(names: tuple[str, ...]) -> Callable[..., Any]:
 def main() -> None:
     """Read one job and run it; the last message is `return` or `error`."""
     job = unpack(read_frame(REQUEST_FD), record=_named)
-    ballast = [bytearray(8 << 20)]  # given back when memory runs out, so that we can still say so
+    ballast = [bytes(8 << 20)]  # given back when memory runs out, so that we can still say so
     try:
         problem = report(job["source"], SCRIPT, FILENAME)
         payload = pack(["error", problem]) if problem else pack(["return", run(job)])

@@ -17,7 +17,6 @@ import resource
 import shutil
 import signal
 import socket
-import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -135,4 +134,3 @@ def _settle() -> None:
     nowhere = tempfile.mkdtemp(prefix="gap-jail-")
     os.chdir(nowhere)
     shutil.rmtree(nowhere)
-    sys.dont_write_bytecode = True
