@@ -80,6 +80,8 @@ class Attempt:
         if self.cancelled or self.state is State.ABANDONED:
             raise CancelledError(f"{self.node.path} was told to stop: {self.cancelled}.")
         if monotonic() > self.deadline:
+            if not self.tool:  # the node's own time is up; that of a tool it calls is for the node to deal with
+                self.cancel(DEADLINE)
             raise deadline_error(self)
 
     def settle(self, lock: Lock, value: Any, error: BaseException | None) -> bool:

@@ -47,7 +47,10 @@ def constant(data: Any, scope: Scope, where: str) -> Any:
 
 
 def make_reader(data: Any, scope: Scope, where: str, *, live: bool = False) -> Reader:
-    """A function of the running frame that gives the value of `data`. Raises `UnknownNameError` at once."""
+    """A function of the running frame that gives the value of `data`. Raises `UnknownNameError` at once.
+
+    With `live`, `in.observation_stream` gives the stream itself rather than its latest observation.
+    """
     if is_reference(data):
         return _reference_reader(Reference.parse(data["$ref"]), scope, where, live)
     if isinstance(data, Mapping):
@@ -72,7 +75,7 @@ def _reference_reader(reference: Reference, scope: Scope, where: str, live: bool
     if reference.name not in scope.slots:
         raise UnknownNameError(f"node ({where})", reference.name, scope.slots)
     if reference.name in scope.streaming:
-        return _stream(scope.slots[reference.name], reference, where, live)
+        return _stream(scope.slots[reference.name], reference, where)
     return _slot(scope.slots[reference.name], reference, where)
 
 
@@ -100,12 +103,12 @@ def _input(reference: Reference, where: str) -> Reader:
     return read
 
 
-def _stream(index: int, reference: Reference, where: str, live: bool) -> Reader:
+def _stream(index: int, reference: Reference, where: str) -> Reader:
     def read(frame: Frame, attempt: Attempt | None) -> Any:
         stream = frame.streams.get(index)
         if stream is None:
             raise BadRequestError("reference", f"{where}: streaming node {reference.name!r} has not been started")
-        return stream if live else isolated(walk(stream.latest(attempt), reference.fields, where))
+        return isolated(walk(stream.latest(attempt), reference.fields, where))
 
     return read
 

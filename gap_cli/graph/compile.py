@@ -183,7 +183,7 @@ def _inputs(
             require_finite(constants[name], place)
         else:
             type_ = next(p.type for p in callee.arguments if p.name == name)
-            live = type_.name == "any" and not callee.jailed
+            live = name == STREAM and type_.name == "any" and not callee.jailed
             readers.append((name, make_reader(data, scope, place, live=live), check))
     return constants, tuple(readers)
 

@@ -19,6 +19,8 @@ def perform(services: Services, attempt: Attempt) -> bool:
     attempt.begin(services.patience)
     token = enter_node(node.path)
     try:
+        if attempt.cancelled:
+            attempt.check()
         callee = node.callee
         if callee is not None:
             kwargs = attempt.inputs = inputs_of(attempt, callee)

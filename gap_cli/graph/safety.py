@@ -13,7 +13,7 @@ from gap_cli.contracts.world import Arm, World
 CONFIRM_S = 2.0
 
 
-def stop_arms(world: World | None, *, confirm_s: float = CONFIRM_S) -> list[str]:
+def stop_arms(world: World | None) -> list[str]:
     """Stop every arm; returns what is known to have gone wrong (an arm that raised, or did not answer in time)."""
     if world is None:
         return []
@@ -28,9 +28,9 @@ def stop_arms(world: World | None, *, confirm_s: float = CONFIRM_S) -> list[str]
         thread.start()
         threads.append(thread)
     for i, thread in enumerate(threads):
-        thread.join(confirm_s)
+        thread.join(CONFIRM_S)
         if thread.is_alive():
-            problems.append(f"arm {i} did not confirm its stop within {confirm_s:g} s")
+            problems.append(f"arm {i} did not confirm its stop within {CONFIRM_S:g} s")
     return problems
 
 

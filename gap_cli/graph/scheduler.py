@@ -63,14 +63,18 @@ class Scheduler:
             course.enter_due()
         attempts = [a for frame in course.in_order() for a in self._ready(frame)]
         if not attempts:
-            self._notice_streams()
-            if not course.over.is_set():
+            if broken := self._broken_streams():
+                stop_arms(self.services.world)
+                self._leave_failed(broken)
+            elif not course.over.is_set():
                 course.finish_idle()
             return None
         if len(attempts) == 1:
             self.step = SuperStep(attempts)
         else:
             self.step = ParallelStep(attempts, lockstep=self._lockstep, shuffle=self._shuffle)
+        for streamer in self._broken_streams():  # before this step was there to be told
+            self.step.cancel_siblings(streamer)
         if self.emitter:
             for attempt in attempts:
                 self._announce(attempt)
@@ -125,7 +129,8 @@ class Scheduler:
             else:
                 looked = max(looked, attempt.compute_s)
         self.course.outcome.compute_s += looked + moved
-        problems = stop_arms(self.services.world) if failed else []
+        broken = self._broken_streams()
+        problems = stop_arms(self.services.world) if failed or broken else []
         for attempt in step.attempts:
             if attempt.node.effect != "pure":
                 self.services.leases.release(attempt)
@@ -133,15 +138,11 @@ class Scheduler:
                 self.emitter.attempt_ended(attempt)
         if problems:
             self.course.fail(ExecutionError("; ".join(problems), (), hint="Stop the robot by hand."))
-        elif failed:
-            self._leave_failed([a for a in step.attempts if a.error is not None])
-        self._notice_streams()
+        elif failed or broken:
+            self._leave_failed([*broken, *(a for a in step.attempts if a.error is not None)])
 
-    def _notice_streams(self) -> None:
-        failed = [s for f in self.course.frames.values() for s in f.streamers if s.error is not None]
-        if failed:
-            stop_arms(self.services.world)
-            self._leave_failed(failed)
+    def _broken_streams(self) -> list[Attempt]:
+        return [s for f in self.course.frames.values() for s in f.streamers if s.error is not None]
 
     def _leave_failed(self, failed: list[Attempt]) -> None:
         """Route each frame with a failure to its `on_error`; a recovery only moves on."""

@@ -76,8 +76,10 @@ class Supervisor:
 
     def _watch(self, attempt: Attempt, now: float) -> None:
         if now > attempt.deadline and not attempt.cancelled:
-            attempt.cancel(DEADLINE)
-            if attempt.node.effect == "actuate":
+            late = now - attempt.deadline
+            if late > self._grace_s or not attempt.tool:  # a tool it calls gets the grace to say so itself
+                attempt.cancel(DEADLINE)
+            if attempt.node.effect == "actuate" and (attempt.cancelled or late <= TICK_S * 2):
                 stop_arms(self._scheduler.services.world)
         elif attempt.cancelled and now > attempt.cancelled_at + self._grace_s:
             self._give_up(attempt)

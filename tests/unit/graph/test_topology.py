@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 
 from gap_cli.contracts.failures import UnknownNameError
@@ -16,7 +18,7 @@ def waits(topology, name):
 
 def test_only_a_join_waits_and_for_all_that_can_reach_it():
     edges = [("START", "a"), ("a", "b"), ("a", "c"), ("c", "d"), ("b", "join"), ("d", "join"), ("join", "END")]
-    topology = make_topology("a b c d join".split(), edges, {}, "x")
+    topology = make_topology(["a", "b", "c", "d", "join"], edges, {}, "x")
     assert waits(topology, "join") == {"a", "b", "c", "d"}
     assert not waits(topology, "d")
     assert topology.ends == {topology.index["join"]}
@@ -35,7 +37,7 @@ def test_conditional_targets_count_as_ways_in():
 
 def test_what_can_run_again_is_known_and_a_chain_cannot():
     routing = {"b": Routing(router_field="again", mapping={"true": "a", "false": "c"})}
-    topology = make_topology("a b c d".split(), [("START", "a"), ("a", "b"), ("c", "d"), ("d", "END")], routing, "x")
+    topology = make_topology(["a", "b", "c", "d"], [("START", "a"), ("a", "b"), ("c", "d"), ("d", "END")], routing, "x")
     assert {topology.names[i] for i in topology.looped} == {"a", "b"}
 
 
@@ -51,7 +53,7 @@ def test_an_edge_to_nowhere_names_the_nearest_node():
 
 def test_a_long_chain_and_a_wide_join_are_quick_to_resolve():
     names = [f"n{i}" for i in range(5000)]
-    chain = make_topology(names, [("START", "n0"), *zip(names, names[1:], strict=False)], {}, "x")
+    chain = make_topology(names, [("START", "n0"), *itertools.pairwise(names)], {}, "x")
     assert not any(chain.waits_for)
     wide = make_topology([*names, "z"], [(n, "z") for n in names], {}, "x")
     assert wide.waits_for[-1].bit_count() == 5000

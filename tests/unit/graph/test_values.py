@@ -29,7 +29,7 @@ def test_a_value_of_the_type_passes_unchanged_and_plain_data_is_decoded():
     [("Vec3", 3), ("float", "3"), ("int", 3.5), ("bool", 1), ("string", 3), ("Mask[]", 1), ("float", None)],
 )
 def test_a_value_of_another_type_is_refused_with_its_place(type_, value):
-    with pytest.raises(BadRequestError, match="node.x"):
+    with pytest.raises(BadRequestError, match=r"node\.x"):
         make_check(TypeRef.parse(type_))(value, "node.x")
 
 
@@ -76,7 +76,7 @@ def test_what_is_not_finite_is_refused(bad):
 
 
 def test_a_trajectory_with_one_nan_is_refused_by_field():
-    with pytest.raises(BadRequestError, match="x.positions"):
+    with pytest.raises(BadRequestError, match=r"x\.positions"):
         require_finite(Trajectory(np.array([0.0]), np.array([[np.nan]])), "x")
 
 
