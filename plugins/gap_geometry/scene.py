@@ -24,6 +24,9 @@ from gap_geometry.checks import valid_depth
 from gap_geometry.clouds import back_project, cluster, to_frame
 
 SUPPORT_MARGIN = 0.006  # m above a known support below which a point is taken for the support itself (depth noise)
+# m a robot's surface may lie outside its planning spheres (covers, cables) plus calibration error: unmasked, the
+# arm's own skin would be an obstacle at its own height.
+ROBOT_MARGIN = 0.02
 
 
 class BuiltWorld(NamedTuple):
@@ -110,7 +113,7 @@ def _on_robot(ctx: ToolContext, points: Array, joints: JointState) -> Array:
     radii = np.array([s.radius for s in spec.spheres])
     on = np.zeros(len(points), dtype=bool)
     for center, radius in zip(centers, radii, strict=True):
-        on |= np.linalg.norm(points - center, axis=1) <= radius
+        on |= np.linalg.norm(points - center, axis=1) <= radius + ROBOT_MARGIN
     return on
 
 
