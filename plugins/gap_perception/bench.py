@@ -81,8 +81,12 @@ def _scene_rows(
     cell: Cell, perceive: Perceive, clutter: Clutter, seed: int, present: tuple[str, ...]
 ) -> Iterator[dict[str, Any]]:
     truth = cell.world.snapshot()
-    for name, model in cell.task.objects.items():
-        cell.state.clear()  # every search pays for its own look at the frames
+    names = list(cell.task.objects)
+    turn = seed % len(names)
+    cell.state.clear()
+    # The first search of a scene pays for looking at the frames and is the one that is timed; they take turns.
+    for name in names[turn:] + names[:turn]:
+        model = cell.task.objects[name]
         with node_scope("bench/perceive"):
             observed = cell.tool("observation.GetObservation")
             started = time.process_time()
@@ -91,7 +95,8 @@ def _scene_rows(
             except ToolError:
                 found = None
             spent = time.process_time() - started
-        row = {"seed": seed, "clutter": clutter.name, "object": name, "present": name in present, "ms": 1e3 * spent}
+        row: dict[str, Any] = {"seed": seed, "clutter": clutter.name, "object": name, "present": name in present}
+        row["ms"] = 1e3 * spent if name == names[turn] else None
         yield row | _judge(cell, truth, name, found, present, observed.cameras)
 
 
@@ -169,6 +174,7 @@ def summarise(rows: Iterable[Mapping[str, Any]]) -> dict[str, float]:
     found = [r for r in rows if r["found"]]
     right = [r for r in found if not r["wrong"]]
     yaw = [r["yaw_deg"] for r in right if r["yaw_deg"] is not None]
+    ms = [r["ms"] for r in rows if r["ms"] is not None]
     centre = [r["center_mm"] for r in right] or [float("nan")]
     return {
         "searches": len(rows),
@@ -180,8 +186,8 @@ def summarise(rows: Iterable[Mapping[str, Any]]) -> dict[str, float]:
         "center_mm_p95": float(np.quantile(centre, 0.95)),
         "yaw_deg_median": float(np.median(yaw or [np.nan])),
         "yaw_deg_p95": float(np.quantile(yaw or [np.nan], 0.95)),
-        "ms_median": float(np.median([r["ms"] for r in rows])),
-        "ms_p95": float(np.quantile([r["ms"] for r in rows], 0.95)),
+        "ms_median": float(np.median(ms)),
+        "ms_p95": float(np.quantile(ms, 0.95)),
     }
 
 

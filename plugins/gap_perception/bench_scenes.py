@@ -1,4 +1,4 @@
-"""Random cluttered scenes of a task's objects, to measure perception on: all objects in one world, some of them away."""
+"""Random cluttered scenes of a task's objects, to measure perception on: all objects in one world, some out of it."""
 
 from __future__ import annotations
 

@@ -45,3 +45,20 @@ def colour_words(lab: Array) -> frozenset[str]:
         low = high
     found = {name for name, where in shares.items() if np.mean(where) >= SHOWN}
     return frozenset(found | ({"gray", "silver"} if "grey" in found else set()))
+
+
+BINS, LIMITS = 14, ((-70.0, 90.0), (-70.0, 90.0))
+
+
+def hue_histogram(lab: Array) -> Array:
+    """Smoothed share of each hue and saturation among CIELAB colours (N, 3); sums to 1."""
+    import cv2
+
+    counts, _, _ = np.histogram2d(lab[:, 1], lab[:, 2], bins=BINS, range=LIMITS)
+    smooth = cv2.GaussianBlur(counts, (3, 3), 0.8, borderType=cv2.BORDER_CONSTANT)
+    return np.asarray(smooth / max(smooth.sum(), 1e-9))
+
+
+def overlap(a: Array, b: Array) -> float:
+    """Bhattacharyya coefficient of two histograms: 1 for equal, 0 for nothing in common."""
+    return float(np.sqrt(a * b).sum())

@@ -78,12 +78,12 @@ def _groups(scene: Measured, free: Array) -> list[Array]:
 
 
 def identify(
-    library: Mapping[str, Appearance], part: Measured, views: Sequence[DepthView], *, whole: bool
+    library: Mapping[str, Appearance], part: Measured, views: Sequence[DepthView], *, whole: bool, upright: bool = False
 ) -> list[Match]:
-    """Every plausible match for one group of points, best first."""
+    """Every plausible match for one group of points, best first; `whole` and `upright` as in `propose`."""
     chosen = sample(part.points)
     support = float(np.median(part.support))
-    fits = propose(library, part.points, support, whole=whole)
+    fits = propose(library, part.points, support, whole=whole, upright=upright)
     fits = [f for f in fits if (f.distance < ON_SURFACE).mean() >= PLAUSIBLE]
     matches = [judge(f, part.points[chosen], part.colours[chosen], views) for f in fits]
     return sorted(matches, key=lambda m: (-m.log_likelihood, m.fit.appearance.name))
@@ -145,10 +145,10 @@ def _rescored(
     library: Mapping[str, Appearance], scene: Measured, instance: Instance, views: Sequence[DepthView]
 ) -> Instance:
     """The instance with probabilities, where it was found without any."""
-    if instance.scores:
+    if instance.scores or instance.match is None:
         return instance
     part = scene.select(instance.voxels)
-    matches = identify(library, part, views, whole=False)
+    matches = identify(library, part, views, whole=False, upright=instance.match.fit.rest == 0)
     if not matches:
         return instance
     return Instance(instance.voxels, matches[0], probabilities(matches, len(instance.voxels)))

@@ -18,6 +18,7 @@ from gap_perception.scene.library import Appearance
 ITERATIONS = 8
 LOOSE, TIGHT = 0.015, 0.002  # m: scale of the robust weights, from the first iteration to the last
 WRONG = 0.008  # m: farther points are not explained at all, however far
+FREE_SIGMA = 0.05  # m: of the height of something held
 HEIGHT_SIGMA = 0.002  # m: calibration error and compliance; the support's height is known
 TURN_SIGMA = 0.3  # rad per iteration, damping for round bodies whose yaw the points do not determine
 
@@ -63,23 +64,36 @@ def resting_size(appearance: Appearance, rest: int) -> Array:
 
 
 def fit(appearance: Appearance, rest: int, points: Array, starts: Array, support: float, *, free: bool = False) -> Fit:
-    """The best fit to world points (N, 3) from several `starts` (S, 3) of x, y [m] and yaw [rad].
+    """The best of `fits`: the one with the most points near its surface."""
+    found = fits(appearance, rest, points, starts, support, free=free)
+    return min(found, key=lambda f: float(np.minimum(f.distance, WRONG).mean()))
+
+
+def fits(
+    appearance: Appearance,
+    rest: int,
+    points: Array,
+    starts: Array,
+    support: float,
+    *,
+    free: bool = False,
+    rounds: int = ITERATIONS,
+) -> list[Fit]:
+    """One fit to world points (N, 3) from each of the `starts` (S, 3) of x, y [m] and yaw [rad], after `rounds` steps.
 
     `support` is the height of the surface below; with `free` the object may hang at any height.
     """
     base = rests(appearance.model.shape.kind)[rest]
-    height = support + resting_size(appearance, rest)[2] / 2
-    z = np.full(len(starts), float(points[:, 2].max()) - resting_size(appearance, rest)[2] / 2 if free else height)
-    state = np.column_stack([starts[:, :2], z, starts[:, 2]])
-    sigma = 0.05 if free else HEIGHT_SIGMA
-    for i in range(ITERATIONS):
-        scale = LOOSE * (TIGHT / LOOSE) ** (i / (ITERATIONS - 1))
+    half = resting_size(appearance, rest)[2] / 2
+    height, sigma = (float(points[:, 2].max()) - half, FREE_SIGMA) if free else (support + half, HEIGHT_SIGMA)
+    state = np.column_stack([starts[:, :2], np.full(len(starts), height), starts[:, 2]])
+    for i in range(rounds):
+        scale = LOOSE * (TIGHT / LOOSE) ** (i / (rounds - 1))
         state = state + _step(appearance, base, points, state, scale, (height, sigma))
     R, t = _pose(base, state)
-    local = np.einsum("snj,sjk->snk", points[None] - t[:, None], R)
+    local = (points[None] - t[:, None]) @ R
     distance = _distance(appearance, local, appearance.lookup(local))
-    best = int(np.argmin(np.minimum(distance, WRONG).mean(axis=1)))
-    return Fit(appearance, rest, R[best], t[best], distance[best])
+    return [Fit(appearance, rest, R[s], t[s], distance[s]) for s in range(len(starts))]
 
 
 def _pose(base: Array, state: Array) -> tuple[Array, Array]:
@@ -95,20 +109,21 @@ def _step(
     """One Gauss-Newton step of all starts at once, shape (S, 4)."""
     R, t = _pose(base, state)
     arm = points[None] - t[:, None]
-    local = np.einsum("snj,sjk->snk", arm, R)
+    local = arm @ R
     index = appearance.lookup(local)
-    normal = np.einsum("sij,snj->sni", R, appearance.normals[index])
-    residual = (appearance.normals[index] * (local - appearance.points[index])).sum(-1)
-    gap = np.linalg.norm(local - appearance.points[index], axis=-1)
-    weight = 1.0 / (1.0 + (gap / scale) ** 2) ** 2
+    offset = local - appearance.points[index]
+    flat = appearance.normals[index]
+    residual = (flat * offset).sum(-1)
+    weight = 1.0 / (1.0 + (offset * offset).sum(-1) / scale**2) ** 2
+    normal = flat @ R.transpose(0, 2, 1)
     yaw = normal[..., 1] * arm[..., 0] - normal[..., 0] * arm[..., 1]
     J = np.concatenate([normal, yaw[..., None]], axis=-1)  # of the residual by (point moved with the body), negated
-    A = np.einsum("sn,sni,snj->sij", weight, J, J)
-    b = np.einsum("sn,sni,sn->si", weight, J, residual)
+    JW = (J * weight[..., None]).transpose(0, 2, 1)
+    A, b = JW @ J, (JW @ residual[..., None])[..., 0]
     noise = TIGHT**2
     A[:, 2, 2] += noise / height[1] ** 2
     b[:, 2] += noise / height[1] ** 2 * (height[0] - state[:, 2])
-    A += np.eye(4) * (np.array([1e-6, 1e-6, 1e-6, noise / TURN_SIGMA**2]))
+    A += np.diag([1e-6, 1e-6, 1e-6, noise / TURN_SIGMA**2])
     return np.asarray(np.linalg.solve(A, b[..., None])[..., 0])
 
 

@@ -41,9 +41,9 @@ class Match:
         )
 
 
-def judge(fit: Fit, points: Array, colours: Array, views: Sequence[DepthView]) -> Match:
+def judge(fit: Fit, points: Array, colours: Array, views: Sequence[DepthView], *, near: Array | None = None) -> Match:
     """Evidence for a fit from world points (N, 3) with CIELAB colours (N, 3); the fit is turned to agree with them."""
-    near = fit.distance < ON_SURFACE
+    near = fit.distance < ON_SURFACE if near is None else near
     seen = agreement(fit, views)
     if not near.any():
         return Match(fit, 0.0, seen, FAR_COLOUR)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from gap_cli.contracts.types import Array, Image
-from gap_perception.scene.colours import perceptual
+from gap_perception.scene.colours import hue_histogram, overlap, perceptual
 from gap_perception.scene.library import Appearance
 from gap_perception.views import Candidate, box_of
 
@@ -19,7 +19,6 @@ SMALLEST, LARGEST = 0.0006, 0.5  # share of the image an object may cover
 MOST = 0.6  # no colour alone makes surer than this
 SHARPNESS = 14.0  # log-likelihood per unit of histogram overlap; calibrated on development scenes
 UNKNOWN_OVERLAP = 0.62  # histogram overlap at which something unknown is as likely
-BINS, RANGE = 14, ((-70.0, 90.0), (-70.0, 90.0))
 
 
 def look(image: Image, library: Mapping[str, Appearance]) -> list[Candidate]:
@@ -32,11 +31,11 @@ def look(image: Image, library: Mapping[str, Appearance]) -> list[Candidate]:
     small = cv2.resize(image.data, size, interpolation=cv2.INTER_AREA) if scale < 1 else image.data
     lab = perceptual(small)
     labels = _foreground(lab)
-    histograms = {name: _histogram(surface.colours) for name, surface in library.items()}
+    histograms = {name: hue_histogram(surface.colours) for name, surface in library.items()}
     found = []
     for label in range(1, int(labels.max()) + 1):
         part = labels == label
-        scores = _scores(_histogram(lab[part]), histograms)
+        scores = _scores(hue_histogram(lab[part]), histograms)
         mask = part if scale == 1 else _enlarged(part, (columns, rows))
         found.append(Candidate(mask, box_of(mask), scores))
     return sorted(found, key=lambda c: (-np.count_nonzero(c.mask), c.box))
@@ -65,19 +64,10 @@ def _foreground(lab: Array) -> Array:
     return np.asarray((np.cumsum(keep) * keep)[labels])
 
 
-def _histogram(lab: Array) -> Array:
-    """Smoothed share of each hue and saturation, over (N, 3) CIELAB colours; sums to 1."""
-    import cv2
-
-    counts, _, _ = np.histogram2d(lab[:, 1], lab[:, 2], bins=BINS, range=RANGE)
-    smooth = cv2.GaussianBlur(counts, (3, 3), 0.8, borderType=cv2.BORDER_CONSTANT)
-    return np.asarray(smooth / max(smooth.sum(), 1e-9))
-
-
 def _scores(seen: Array, histograms: Mapping[str, Array]) -> dict[str, float]:
     """Posterior over models and "none of them" from the Bhattacharyya overlap of colours."""
-    overlap = {name: float(np.sqrt(seen * histogram).sum()) for name, histogram in histograms.items()}
-    weight = {name: np.exp(SHARPNESS * (value - UNKNOWN_OVERLAP)) for name, value in overlap.items()}
+    shared = {name: overlap(seen, histogram) for name, histogram in histograms.items()}
+    weight = {name: np.exp(SHARPNESS * (value - UNKNOWN_OVERLAP)) for name, value in shared.items()}
     total = 1.0 + sum(weight.values())
     return {name: float(MOST * value / total) for name, value in weight.items()}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -33,19 +33,20 @@ def rectangle(points: Array) -> tuple[Array, Array, float]:
 
 
 def propose(
-    library: Mapping[str, Appearance], points: Array, support: float, names: Sequence[str] | None = None, *, whole: bool
+    library: Mapping[str, Appearance], points: Array, support: float, *, whole: bool, upright: bool = False
 ) -> list[Fit]:
     """Fits of the models whose size can explain world points (N, 3) that stand above `support` [m].
 
-    With `whole`, the top of the group must be the top of the model; otherwise it may be hidden or tipped over.
+    With `whole`, the top of the group must be the top of an upright model; otherwise it may be hidden, and, unless
+    `upright`, the object may have tipped over.
     """
     centre, sides, yaw = rectangle(points)
     top = float(np.quantile(points[:, 2], 0.995)) - support
     chosen = points[sample(points)]
     fits = []
-    for name in names or sorted(library):
+    for name in sorted(library):
         surface = library[name]
-        for rest in range(1 if whole else len(rests(surface.model.shape.kind))):
+        for rest in range(1 if whole or upright else len(rests(surface.model.shape.kind))):
             size = resting_size(surface, rest)
             if top > size[2] + TOP_SLACK or (whole and top < size[2] - TOP_SLACK):
                 continue

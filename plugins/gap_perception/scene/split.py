@@ -2,77 +2,107 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gap_cli.contracts.types import Array
-from gap_perception.scene.fit import Fit, fit, resting_size, rests
+from gap_perception.scene.colours import hue_histogram, overlap
+from gap_perception.scene.fit import Fit, fits, resting_size, rests
 from gap_perception.scene.library import Appearance
-from gap_perception.scene.match import OFF_COLOUR, ON_SURFACE, SEEN_THROUGH, USUAL_COLOUR, Match, judge
-from gap_perception.scene.propose import SAMPLE, TOP_SLACK, rectangle, sample
+from gap_perception.scene.match import ON_SURFACE, Match, judge
+from gap_perception.scene.propose import TOP_SLACK, rectangle, sample
 from gap_perception.scene.visibility import DepthView
 
 if TYPE_CHECKING:
     from gap_perception.scene.explain import Measured
 
+LOOKED_AT = 400  # points of the group that candidates are compared on
+FITTED = 160  # of these, points that candidates are fitted to
+ROUNDS = 7
 ANCHORS = 10  # places a model is tried at
 YAWS = 4
 ENOUGH = 40  # points a model must explain to be believed among others
+APART = 0.010  # m: candidates of one model nearer than this are one
+SAME_HUES = 0.2  # overlap of hues below which a model cannot be part of the group
 WORTH = -3.5  # log-likelihood of cameras and colour from which a part is accepted
 MOST_PARTS = 8
 
 
 def split(library: Mapping[str, Appearance], part: Measured, views: Sequence[DepthView]) -> list[tuple[Array, Match]]:
     """Models that together explain the group: for each the indices of the points on it, and the match."""
-    rest = np.arange(len(part.points))
+    chosen = sample(part.points, LOOKED_AT)
+    points, colours = part.points[chosen], part.colours[chosen]
+    pool = _pool(library, points, colours, float(np.median(part.support)))
+    near = np.array([f.surface_distance(points) < ON_SURFACE for f in pool]).reshape(len(pool), len(points))
+    scale = len(part.points) / len(points)
+    rest, left = np.arange(len(part.points)), np.ones(len(points), dtype=bool)
     found: list[tuple[Array, Match]] = []
     while len(rest) >= ENOUGH and len(found) < MOST_PARTS:
-        best = _largest(library, part.select(rest), views)
-        if best is None:
+        match = _next(pool, near & left, scale, points, colours, views)
+        if match is None:
             break
-        near = best.fit.surface_distance(part.points[rest]) < ON_SURFACE
-        if near.sum() < ENOUGH:
-            break
-        found.append((rest[near], best))
-        rest = rest[~near]
+        taken = match.fit.surface_distance(part.points[rest]) < ON_SURFACE
+        left &= ~(match.fit.surface_distance(points) < ON_SURFACE)
+        found.append((rest[taken], match))
+        rest = rest[~taken]
     return found
 
 
-def _largest(library: Mapping[str, Appearance], part: Measured, views: Sequence[DepthView]) -> Match | None:
-    """The believable match that explains most points."""
-    chosen = sample(part.points, SAMPLE)
-    points, colours = part.points[chosen], part.colours[chosen]
-    support = float(np.median(part.support))
-    best, most = None, ENOUGH * len(chosen) / len(part.points)
+def _next(
+    pool: Sequence[Fit], near: Array, scale: float, points: Array, colours: Array, views: Sequence[DepthView]
+) -> Match | None:
+    """The believable candidate that explains most of the points still unexplained."""
+    counts = near.sum(axis=1)
+    for index in np.argsort(-counts, kind="stable"):
+        if counts[index] * scale < ENOUGH:
+            return None
+        mine = points[near[index]], colours[near[index]]
+        match = judge(pool[index], *mine, views, near=np.ones(len(mine[0]), dtype=bool))
+        if match.log_likelihood > WORTH:
+            return match
+    return None
+
+
+def _pool(library: Mapping[str, Appearance], points: Array, colours: Array, support: float) -> list[Fit]:
+    """Fits of every model whose hues occur in the group, at every place it locks onto; no two alike."""
+    hues = hue_histogram(colours)
+    fitted = points[sample(points, FITTED)]
+    pool: list[Fit] = []
     for name in sorted(library):
-        for candidate in _fits(library[name], points, support):
-            explained = float((candidate.distance < ON_SURFACE).sum())
-            if explained <= most:
-                continue
-            match = judge(candidate, points, colours, views)
-            if _worth(match) > WORTH:
-                best, most = match, explained
-    return best
+        surface = library[name]
+        if overlap(hues, hue_histogram(surface.colours)) >= SAME_HUES:
+            pool += _distinct(f for f in _fits(surface, fitted, support) if (f.distance < ON_SURFACE).sum() >= 5)
+    return pool
 
 
-def _worth(match: Match) -> float:
-    return -SEEN_THROUGH * (1 - match.agreement.share) - OFF_COLOUR * max(match.colour - USUAL_COLOUR, 0.0)
+def _distinct(candidates: Iterator[Fit]) -> list[Fit]:
+    """The best candidates, none within `APART` of a better one that rests the same way."""
+    kept: list[Fit] = []
+    for candidate in sorted(candidates, key=lambda f: -int((f.distance < ON_SURFACE).sum())):
+        if all(k.rest != candidate.rest or np.linalg.norm(k.position - candidate.position) > APART for k in kept):
+            kept.append(candidate)
+    return kept
 
 
 def _fits(surface: Appearance, points: Array, support: float) -> list[Fit]:
     top = float(points[:, 2].max()) - support
     _, _, yaw = rectangle(points)
-    fits = []
+    places = _spread(points[:, :2], ANCHORS)
+    found = []
     for rest in range(len(rests(surface.model.shape.kind))):
         if resting_size(surface, rest)[2] > top + TOP_SLACK:
             continue
         angles = [0.0] if surface.is_round and rest == 0 else [yaw + k * np.pi / YAWS for k in range(YAWS)]
-        places = _spread(points[:, :2], ANCHORS)
         starts = np.array([(x, y, angle) for x, y in places for angle in angles])
-        fits.append(fit(surface, rest, points, starts, support))
-    return fits
+        found += fits(surface, rest, points, starts, support, rounds=ROUNDS)
+        if rest == 0 and max((f.distance < ON_SURFACE).mean() for f in found) > UPRIGHT_ENOUGH:
+            break
+    return found
+
+
+UPRIGHT_ENOUGH = 0.15  # share of the group's points on an upright fit from which other rests are not tried
 
 
 def _spread(points: Array, count: int) -> Array:
