@@ -12,6 +12,9 @@ from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.tool import ScriptContext
 from gap_cli.contracts.types import WORLD, OrientedBoundingBox, Se3Pose, Vec3, WorldConfig
 
+STEP = 0.01  # m between grasps tried along the object
+EDGE = 0.004  # m between a pad and the object's edge
+
 
 class GraspPlan(NamedTuple):
     """Where to turn the wrist, where to close the jaws (both T_world_tcp), and the width between them there [m]."""
@@ -22,10 +25,12 @@ class GraspPlan(NamedTuple):
 
 
 class Candidate(NamedTuple):
-    """One grasp: its pose, the object's width across the jaws, and the room the hand has there [m]."""
+    """One grasp: its pose, the object's width across the jaws, how far off the object's middle it is, and the room
+    the hand has there [m]."""
 
     pose: Se3Pose
     width: float
+    shift: float
     room: float
 
 
@@ -36,6 +41,7 @@ def run(
     approach_offset: float = 0.10,
     pass_over: float = 0.03,
     grasp_depth: float = 0.5,
+    max_shift: float = 0.03,
     jaw_margin: float = 0.003,
     support_clearance: float = 0.004,
     palm_clearance: float = 0.006,
@@ -61,7 +67,12 @@ def run(
             detail={"width": min(widths), "limit": limit},
         )
     around = points_of(world)
-    candidates = [Candidate(pose, width, room(spec, pose, around, approach_offset)) for pose, width in fitting]
+    candidates = [
+        Candidate(moved, width, abs(shift), room(spec, moved, around, approach_offset))
+        for pose, width in fitting
+        for shift in shifts(spec, target_obb, pose, max_shift)
+        for moved in [shifted(pose, shift)]
+    ]
     chosen = choose(ctx, spec, candidates, neighbour_clearance, tolerated_contact)
     start = ctx.tool("robot_control.GetEEPose").pose
     height = hover_height(spec, start, chosen.pose, around, approach_offset, pass_over)
@@ -89,6 +100,20 @@ def width_across(obb: OrientedBoundingBox, pose: Se3Pose) -> float:
     closing = pose.rotation.rotation.apply([0.0, 1.0, 0.0])
     axes = obb.orientation.rotation.as_matrix()
     return float(2 * np.abs(closing @ axes) @ obb.extent.array)
+
+
+def shifts(spec: RobotSpec, obb: OrientedBoundingBox, pose: Se3Pose, most: float) -> list[float]:
+    """Distances [m] from the object's middle along the jaws at which the whole pad still meets the object."""
+    along = pose.rotation.rotation.apply([1.0, 0.0, 0.0])
+    half = float(np.abs(along @ obb.orientation.rotation.as_matrix()) @ obb.extent.array)
+    limit = min(most, half - spec.gripper.finger_size[1] - EDGE)
+    steps = np.arange(STEP, limit + 1e-9, STEP)
+    return [0.0, *(sign * float(s) for s in steps for sign in (1, -1))]
+
+
+def shifted(pose: Se3Pose, shift: float) -> Se3Pose:
+    """The pose moved by `shift` [m] along its own x axis."""
+    return Se3Pose(Vec3.of(pose.position.array + shift * pose.rotation.rotation.apply([1.0, 0.0, 0.0])), pose.rotation)
 
 
 def points_of(world: WorldConfig) -> np.ndarray:
@@ -137,28 +162,39 @@ def hand_spheres(spec: RobotSpec) -> list[tuple[np.ndarray, float]]:
 def choose(
     ctx: ScriptContext, spec: RobotSpec, candidates: list[Candidate], clearance: float, tolerated: float
 ) -> Candidate:
-    """The first reachable candidate with room enough, the wrist nearest to home first; else the roomiest tolerable."""
-    reach: list[tuple[Candidate, float]] = []
-    for candidate in candidates:
-        solved = ctx.tool("pyroki.SolveIK", target_pose=candidate.pose)
-        if solved.success:
-            travel = float(np.abs(solved.joint_config.positions - np.array(spec.home)).max())
-            reach.append((candidate, travel))
-    if not reach:
+    """The candidate with room enough that is narrowest, then nearest to the middle, then nearest to the arm's home.
+
+    Where none has room enough, the roomiest; unless it overlaps a neighbour by more than is tolerated.
+    """
+    roomy = [c for c in candidates if c.room >= clearance]
+    ranked = sorted(roomy, key=lambda c: (round(c.width, 4), c.shift)) or sorted(candidates, key=lambda c: -c.room)
+    best: tuple[float, Candidate] | None = None
+    for candidate in ranked:
+        first = best[1] if best else candidate
+        if best and (round(candidate.width, 4), candidate.shift) != (round(first.width, 4), first.shift):
+            break
+        travel = from_home(ctx, spec, candidate.pose)
+        if travel is not None and (best is None or travel < best[0]):
+            best = travel, candidate
+    if best is None:
         at = candidates[0].pose.position
         raise PlanningError("unreachable", f"No top-down grasp at ({at.x:.2f}, {at.y:.2f}, {at.z:.2f}) m is in reach.")
-    roomy = [(c, travel) for c, travel in reach if c.room >= clearance]
-    if roomy:
-        narrowest = min(c.width for c, _ in roomy)
-        return min((r for r in roomy if r[0].width <= narrowest + 1e-6), key=lambda r: r[1])[0]
-    best = max(reach, key=lambda r: (round(r[0].room, 3), -r[1]))[0]
-    if best.room < -tolerated:
+    if best[1].room < -tolerated:
         raise PlanningError(
             "blocked",
-            f"A neighbour is {-1000 * best.room:.0f} mm inside the hand's way down in the best orientation.",
-            detail={"room": best.room},
+            f"A neighbour is {-1000 * best[1].room:.0f} mm inside the hand's way down in the best orientation.",
+            detail={"room": best[1].room},
         )
-    return best
+    return best[1]
+
+
+def from_home(ctx: ScriptContext, spec: RobotSpec, pose: Se3Pose) -> float | None:
+    """Largest joint motion [rad] between home and the pose; None when it is out of reach."""
+    try:
+        solved = ctx.tool("pyroki.SolveIK", target_pose=pose)
+    except PlanningError:
+        return None
+    return float(np.abs(solved.joint_config.positions - np.array(spec.home)).max()) if solved.success else None
 
 
 def hover_height(

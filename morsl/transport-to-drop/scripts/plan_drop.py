@@ -46,7 +46,7 @@ def run(
     """Plan the drop. Raises `PlanningError` (`does_not_fit`, `unreachable`)."""
     spec = ctx.robot()
     held = held_corners(target_obb, ee_pose_at_grasp)
-    seen = points_of(world)
+    seen = beside_hand(points_of(world), ee_pose_at_grasp, spec)
     inner = container_obb.extent.array[:2] - rim_width
     low = spec.gripper.finger_size[2]
     for turned in orientations(container_obb, target_obb, ee_pose_at_grasp, held, inner):
@@ -66,13 +66,20 @@ def run(
         rim = float(container_obb.corners[:, 2].max()) + low + rim_clearance
         release_z = min(carry_z, max(rim, spot.height + above_content + hang))
         carry, release = pose(xy, carry_z, turned), pose(xy, release_z, turned)
-        if all(ctx.tool("pyroki.SolveIK", target_pose=p).success for p in (carry, release)):
-            start = ee_pose_at_grasp
-            return DropPlan(
-                pose(start.position.array[:2], max(carry_z, start.position.z), start.rotation.rotation), carry, release
-            )
+        start = ee_pose_at_grasp
+        lift = pose(start.position.array[:2], max(carry_z, start.position.z), start.rotation.rotation)
+        if all(in_reach(ctx, p) for p in (lift, carry, release)):
+            return DropPlan(lift, carry, release)
     at = container_obb.center
     raise PlanningError("unreachable", f"No pose over the container at ({at.x:.2f}, {at.y:.2f}) m is in reach.")
+
+
+def in_reach(ctx: ScriptContext, T_world_tcp: Se3Pose) -> bool:
+    """True when inverse kinematics finds a solution."""
+    try:
+        return bool(ctx.tool("pyroki.SolveIK", target_pose=T_world_tcp).success)
+    except PlanningError:
+        return False
 
 
 def held_corners(obb: OrientedBoundingBox, T_world_tcp: Se3Pose) -> np.ndarray:
@@ -135,6 +142,13 @@ def points_of(world: WorldConfig) -> np.ndarray:
     """Points (N, 3) [m] of everything seen but the held object; supports have none."""
     clouds = [o.points for o in world.obstacles if o.points is not None and o.name != "target"]
     return np.concatenate([np.zeros((0, 3)), *clouds])
+
+
+def beside_hand(points: np.ndarray, grasp: Se3Pose, spec: RobotSpec) -> np.ndarray:
+    """The points without those over the palm: the hand came down there, so they are the arm's own outline."""
+    aside = np.linalg.norm(points[:, :2] - grasp.position.array[:2], axis=1)
+    over = points[:, 2] > grasp.position.z + spec.gripper.finger_depth
+    return points[~(over & (aside < 2 * spec.gripper.max_width))]
 
 
 def axes(obb: OrientedBoundingBox) -> np.ndarray:
