@@ -11,7 +11,7 @@ import math
 import re
 import typing
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from typing import Any
 
@@ -101,6 +101,8 @@ def from_plain(data: Any, type_: TypeRef | str, *, where: str = "value") -> Any:
             return None
         raise BadRequestError("missing", f"{where}: {ref} is missing")
     if ref.is_list:
+        if isinstance(data, np.ndarray) and data.ndim == 1:
+            data = data.tolist()
         if not isinstance(data, Sequence) or isinstance(data, (str, bytes)):
             raise BadRequestError("type", f"{where}: expected a list of {ref.name}, got {type(data).__name__}")
         item = TypeRef(ref.name, ref.frame)
@@ -117,11 +119,14 @@ def _object_from_plain(data: Any, cls: type, where: str) -> Any:
     if not isinstance(data, Mapping):
         raise BadRequestError("type", f"{where}: expected {cls.__name__}, got {type(data).__name__}")
     hints = field_refs(cls)
-    unknown = sorted(set(data) - set(hints))
+    unknown = sorted(set(data) - set(hints), key=str)
     if unknown:
         raise BadRequestError(
             "unknown_key", f"{where}: {cls.__name__} has no field {unknown[0]!r}", hint=f"Fields: {', '.join(hints)}."
         )
+    missing = sorted(_required(cls) - set(data))
+    if missing:
+        raise BadRequestError("missing", f"{where}: {cls.__name__} needs {missing[0]!r}")
     values: dict[str, Any] = {}
     for name, ref in hints.items():
         if name in data:
@@ -150,6 +155,11 @@ def field_refs(cls: type) -> dict[str, TypeRef | None]:
         except TypeError:
             out[f.name] = None
     return out
+
+
+@cache
+def _required(cls: type) -> frozenset[str]:
+    return frozenset(f.name for f in fields(cls) if f.default is MISSING and f.default_factory is MISSING)
 
 
 def _scalar(data: Any, name: str, where: str) -> Any:

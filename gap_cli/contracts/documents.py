@@ -38,7 +38,7 @@ def read_text(path: Path) -> str:
     where = str(path)
     try:
         if not path.is_file():
-            raise DocumentError(where, "no such file")
+            raise DocumentError(where, "is not a file" if path.exists() else "no such file")
         if path.stat().st_size > MAX_BYTES:
             raise DocumentError(where, f"larger than {MAX_BYTES // 1_000_000} MB")
         data = path.read_bytes()

@@ -25,6 +25,7 @@ class Frame:
 WORLD = Frame("world")
 CAMERA = Frame("camera")
 BASE = Frame("base")
+FRAMES = (WORLD.name, CAMERA.name, BASE.name)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import difflib
 import re
 import types
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Union, get_args, get_origin
 
+from gap_cli.contracts.geometry import FRAMES
 from gap_cli.contracts.types import CONTRACT_TYPES, SCALAR_TYPES, Frame
 
-_GRAMMAR = re.compile(r"^(?P<name>[A-Za-z_][A-Za-z0-9_]*)(\[(?P<frame>[a-z_]+)\])?(?P<list>\[\])?(?P<optional>\?)?$")
+_GRAMMAR = re.compile(r"(?P<name>[A-Za-z_][A-Za-z0-9_]*)(\[(?P<frame>[A-Za-z_]+)\])?(?P<list>\[\])?(?P<optional>\?)?")
+_NAMES = (*CONTRACT_TYPES, *SCALAR_TYPES, "any")
 _NAME_OF = {v: k for k, v in {**CONTRACT_TYPES, **SCALAR_TYPES}.items()}
 
 
@@ -26,16 +29,18 @@ class TypeRef:
     @classmethod
     def parse(cls, text: str) -> TypeRef:
         """From text. Raises ValueError naming the problem."""
-        match = _GRAMMAR.match(text.strip())
+        match = _GRAMMAR.fullmatch(text.strip())
         if match is None:
             raise ValueError(f"{text!r} is not a type; write Name, Name[frame], Name[], or Name?")
         name = match["name"]
-        if name not in CONTRACT_TYPES and name not in SCALAR_TYPES and name != "any":
-            import difflib
-
-            near = difflib.get_close_matches(name, [*CONTRACT_TYPES, *SCALAR_TYPES, "any"], n=1)
-            raise ValueError(f"{name!r} is not a contract type" + (f"; did you mean {near[0]!r}?" if near else ""))
-        return cls(name, match["frame"], match["list"] is not None, match["optional"] is not None)
+        if name not in _NAMES:
+            raise ValueError(f"{name!r} is not a contract type" + _near(name, _NAMES))
+        frame = match["frame"]
+        if frame is not None and frame not in FRAMES:
+            raise ValueError(f"{frame!r} is not a frame ({', '.join(FRAMES)})" + _near(frame, FRAMES))
+        if frame is not None and name not in CONTRACT_TYPES:
+            raise ValueError(f"{name} is not expressed in any frame")
+        return cls(name, frame, match["list"] is not None, match["optional"] is not None)
 
     @classmethod
     def of(cls, annotation: Any) -> TypeRef:
@@ -49,8 +54,11 @@ class TypeRef:
             if len(rest) != 1 or len(rest) == len(args):
                 raise TypeError(f"{annotation!r}: only `X | None` unions can cross a contract")
             return replace(cls.of(rest[0]), optional=True)
-        if origin in (list, tuple, Sequence) or (isinstance(origin, type) and issubclass(origin, Sequence)):
-            return replace(cls.of(args[0]), is_list=True)
+        if isinstance(origin, type) and issubclass(origin, Sequence):
+            items = {cls.of(a) for a in args if a is not Ellipsis}
+            if len(items) != 1 or next(iter(items)).is_list or next(iter(items)).optional:
+                raise TypeError(f"{annotation!r}: a list in a contract holds one type, neither lists nor None")
+            return replace(items.pop(), is_list=True)
         if annotation in (Any, dict) or origin is dict:
             return cls("any")
         if annotation in _NAME_OF:
@@ -74,3 +82,8 @@ class TypeRef:
     def __str__(self) -> str:
         frame = f"[{self.frame}]" if self.frame else ""
         return f"{self.name}{frame}{'[]' if self.is_list else ''}{'?' if self.optional else ''}"
+
+
+def _near(name: str, known: Sequence[str]) -> str:
+    near = difflib.get_close_matches(name, known, n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""
