@@ -300,9 +300,9 @@ def fake_tools(*more: Tool) -> dict[str, Tool]:
     return {t.spec.name: t for t in (*FAKE_TOOLS, *more)}
 
 
-def fake_skill(tools: Sequence[str] = (), **changes: Any) -> SkillContract:
-    """A composite skill that may call every fake tool and `tools`."""
-    names = [*(t.spec.name for t in FAKE_TOOLS), *tools]
+def fake_skill(more: Sequence[str] = (), **changes: Any) -> SkillContract:
+    """A composite skill that may call every fake tool and `more`."""
+    names = [*(t.spec.name for t in FAKE_TOOLS), *more]
     contract: dict[str, Any] = {
         "kind": "composite",
         "template": "t.j2",
