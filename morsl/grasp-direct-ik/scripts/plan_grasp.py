@@ -1,7 +1,8 @@
-"""Chooses a top-down grasp from a box: across the side that fits, as deep as the hand may go, clear of neighbours."""
+"""Chooses a grasp from above by a box: across the side that fits, as deep as the hand may go, clear of neighbours."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -10,10 +11,12 @@ from scipy.spatial.transform import Rotation
 from gap_cli.contracts.failures import GraspError, PlanningError
 from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.tool import ScriptContext
-from gap_cli.contracts.types import WORLD, OrientedBoundingBox, Se3Pose, Vec3, WorldConfig
+from gap_cli.contracts.types import WORLD, OrientedBoundingBox, Quaternion, Se3Pose, Vec3, WorldConfig
 
 STEP = 0.01  # m between grasps tried along the object
+TILT_STEP = 15.0  # degrees between the ways down tried
 EDGE = 0.004  # m between a pad and the object's edge
+AROUND = 0.35  # m: farther points cannot meet the hand
 
 
 class GraspPlan(NamedTuple):
@@ -25,13 +28,22 @@ class GraspPlan(NamedTuple):
 
 
 class Candidate(NamedTuple):
-    """One grasp: its pose, the object's width across the jaws, how far off the object's middle it is, and the room
-    the hand has there [m]."""
+    """One grasp: its pose, the object's width across the jaws, and the room the hand has on its way there [m]."""
 
     pose: Se3Pose
     width: float
-    shift: float
     room: float
+
+
+class Limits(NamedTuple):
+    """The parameters that bound the search, see contract.yaml."""
+
+    grasp_depth: float
+    max_shift: float
+    max_tilt_deg: float
+    jaw_margin: float
+    support_clearance: float
+    palm_clearance: float
 
 
 def run(
@@ -42,98 +54,111 @@ def run(
     pass_over: float = 0.03,
     grasp_depth: float = 0.5,
     max_shift: float = 0.03,
+    max_tilt_deg: float = 30.0,
     jaw_margin: float = 0.003,
     support_clearance: float = 0.004,
     palm_clearance: float = 0.006,
     neighbour_clearance: float = 0.005,
-    tolerated_contact: float = 0.010,
+    tolerated_contact: float = 0.003,
 ) -> GraspPlan:
-    """Plan the grasp.
-
-    Raises `GraspError` (`too_wide`), `PlanningError` (`blocked` by a neighbour, `unreachable`).
-    """
+    """Plan the grasp. Raises `GraspError` (`too_wide`), `PlanningError` (`blocked` by a neighbour, `unreachable`)."""
     spec = ctx.robot()
-    tall = 2 * target_obb.extent.z
-    z = grasp_height(spec, target_obb, grasp_depth * tall, support_clearance, palm_clearance)
-    made = ctx.tool("geometry_svc.TopDownGraspCandidates", obb=target_obb, z_offset=z - target_obb.center.z)
-    poses = [turned for pose in made.poses for turned in (pose, half_turn(ctx, pose))]
-    widths = [width_across(target_obb, pose) for pose in poses]
-    limit = spec.gripper.max_width - 2 * jaw_margin
-    fitting = [(pose, width) for pose, width in zip(poses, widths, strict=True) if width <= limit]
+    limits = Limits(grasp_depth, max_shift, max_tilt_deg, jaw_margin, support_clearance, palm_clearance)
+    points = points_of(world)
+    start = ctx.tool("robot_control.GetEEPose").pose
+    over = hover_height(spec, start, target_obb, points, pass_over)
+    near = points[np.linalg.norm(points[:, :2] - target_obb.center.array[:2], axis=1) < AROUND]
+    measured: list[Candidate] = []
+    for group in proposals(ctx, spec, target_obb, limits):
+        candidates = [
+            Candidate(pose, width, room(spec, pose, near, descent(pose, over, approach_offset)))
+            for pose, width in group
+        ]
+        measured += candidates
+        chosen = nearest_home(ctx, spec, [c for c in candidates if c.room >= neighbour_clearance])
+        if chosen is not None:
+            break
+    else:
+        chosen = roomiest(ctx, spec, measured, tolerated_contact)
+    back = descent(chosen.pose, over, approach_offset)
+    return GraspPlan(moved(chosen.pose, np.array([0.0, 0.0, -back])), chosen.pose, chosen.width)
+
+
+def proposals(
+    ctx: ScriptContext, spec: RobotSpec, obb: OrientedBoundingBox, limits: Limits
+) -> Iterator[list[tuple[Se3Pose, float]]]:
+    """Groups of equally good (pose, width): upright before tilted, narrow before wide, middle before off it."""
+    made = ctx.tool("geometry_svc.TopDownGraspCandidates", obb=obb)
+    widths = [extent(obb, pose, [0.0, 1.0, 0.0]) for pose in made.poses]
+    most = spec.gripper.max_width - 2 * limits.jaw_margin
+    fitting = sorted((w, i) for i, w in enumerate(widths) if w <= most)
     if not fitting:
         raise GraspError(
             "too_wide",
-            f"The object is {1000 * min(widths):.0f} mm wide at its narrowest; the jaws take {1000 * limit:.0f} mm.",
-            detail={"width": min(widths), "limit": limit},
+            f"The object is {1000 * min(widths):.0f} mm wide at its narrowest; the jaws take {1000 * most:.0f} mm.",
+            detail={"width": min(widths), "limit": most},
         )
-    around = points_of(world)
-    candidates = [
-        Candidate(moved, width, abs(shift), room(spec, moved, around, approach_offset))
-        for pose, width in fitting
-        for shift in shifts(spec, target_obb, pose, max_shift)
-        for moved in [shifted(pose, shift)]
-    ]
-    chosen = choose(ctx, spec, candidates, neighbour_clearance, tolerated_contact)
-    start = ctx.tool("robot_control.GetEEPose").pose
-    height = hover_height(spec, start, chosen.pose, around, approach_offset, pass_over)
-    return GraspPlan(at_height(chosen.pose, height), chosen.pose, chosen.width)
-
-
-def grasp_height(
-    spec: RobotSpec, obb: OrientedBoundingBox, below_top: float, support_clearance: float, palm_clearance: float
-) -> float:
-    """Height of the TCP [m]: `below_top` under the object's top, no deeper than palm, fingertips and support allow."""
-    top, bottom = obb.center.z + obb.extent.z, obb.center.z - obb.extent.z
-    above_support = bottom + spec.gripper.finger_size[2] + support_clearance
-    under_palm = top - spec.gripper.finger_depth + palm_clearance
-    return max(top - below_top, above_support, under_palm)
-
-
-def half_turn(ctx: ScriptContext, pose: Se3Pose) -> Se3Pose:
-    """The same grasp with the jaws exchanged."""
-    quarter = ctx.tool("geometry_svc.RotateQuatZ90", quat=pose.rotation)
-    return Se3Pose(pose.position, ctx.tool("geometry_svc.RotateQuatZ90", quat=quarter))
-
-
-def width_across(obb: OrientedBoundingBox, pose: Se3Pose) -> float:
-    """Extent of the box along the closing direction [m]."""
-    closing = pose.rotation.rotation.apply([0.0, 1.0, 0.0])
-    axes = obb.orientation.rotation.as_matrix()
-    return float(2 * np.abs(closing @ axes) @ obb.extent.array)
+    half_turn = Rotation.from_euler("z", np.pi)
+    for tilt in np.arange(0.0, limits.max_tilt_deg + 1e-9, TILT_STEP):
+        for width, index in fitting:
+            middle = made.poses[index]
+            for shift in shifts(spec, obb, middle, limits.max_shift):
+                yield [
+                    (grounded(spec, obb, turned(moved(middle, np.array([x, 0.0, 0.0])), lean * jaws), limits), width)
+                    for x in {shift, -shift}
+                    for lean in (Rotation.from_euler("y", a, degrees=True) for a in sorted({tilt, -tilt}))
+                    for jaws in (Rotation.identity(), half_turn)
+                ]
 
 
 def shifts(spec: RobotSpec, obb: OrientedBoundingBox, pose: Se3Pose, most: float) -> list[float]:
-    """Distances [m] from the object's middle along the jaws at which the whole pad still meets the object."""
-    along = pose.rotation.rotation.apply([1.0, 0.0, 0.0])
-    half = float(np.abs(along @ obb.orientation.rotation.as_matrix()) @ obb.extent.array)
-    limit = min(most, half - spec.gripper.finger_size[1] - EDGE)
-    steps = np.arange(STEP, limit + 1e-9, STEP)
-    return [0.0, *(sign * float(s) for s in steps for sign in (1, -1))]
+    """Distances [m] from the object's middle, along the pads, at which a whole pad still meets the object."""
+    limit = min(most, extent(obb, pose, [1.0, 0.0, 0.0]) / 2 - spec.gripper.finger_size[1] - EDGE)
+    return [0.0, *(float(s) for s in np.arange(STEP, limit + 1e-9, STEP))]
 
 
-def shifted(pose: Se3Pose, shift: float) -> Se3Pose:
-    """The pose moved by `shift` [m] along its own x axis."""
-    return Se3Pose(Vec3.of(pose.position.array + shift * pose.rotation.rotation.apply([1.0, 0.0, 0.0])), pose.rotation)
-
-
-def points_of(world: WorldConfig) -> np.ndarray:
-    """Points (N, 3) [m] of everything seen but the target itself; supports have none."""
-    clouds = [o.points for o in world.obstacles if o.points is not None and o.name != "target"]
-    return np.concatenate([np.zeros((0, 3)), *clouds])
+def grounded(spec: RobotSpec, obb: OrientedBoundingBox, pose: Se3Pose, limits: Limits) -> Se3Pose:
+    """The pose at its height: the wished depth, no deeper than palm, fingertips and support allow."""
+    top, bottom = obb.center.z + obb.extent.z, obb.center.z - obb.extent.z
+    _, wide, tip = spec.gripper.finger_size
+    down = -pose.rotation.rotation.as_matrix()[2]  # how much each axis of the TCP points down
+    fingertip = tip * down[2] + wide * abs(down[0])
+    z = max(
+        top - limits.grasp_depth * (top - bottom),
+        bottom + fingertip + limits.support_clearance,
+        top - spec.gripper.finger_depth * down[2] + limits.palm_clearance,
+    )
+    return Se3Pose(Vec3(pose.position.x, pose.position.y, float(z)), pose.rotation)
 
 
 def room(spec: RobotSpec, pose: Se3Pose, points: np.ndarray, rise: float) -> float:
-    """Least distance [m] between the open hand, over its last `rise` of descent, and the points; negative inside."""
+    """Least distance [m] between the open hand, over its last `rise` of approach, and the points; negative inside."""
     if not len(points):
         return np.inf
     local = pose.rotation.rotation.inv().apply(points - pose.position.array)
     gaps = [to_segment(local, center, rise) - radius for center, radius in hand_spheres(spec)]
     thick, wide, tip = spec.gripper.finger_size
-    top, bottom = -spec.gripper.finger_depth - rise, tip
+    back = -spec.gripper.finger_depth - rise
     for side in (-1, 1):
-        center = np.array([0.0, side * (spec.gripper.max_width / 2 + thick), (top + bottom) / 2])
-        gaps.append(to_box(local, center, np.array([wide, thick, (bottom - top) / 2])))
+        center = np.array([0.0, side * (spec.gripper.max_width / 2 + thick), (back + tip) / 2])
+        gaps.append(to_box(local, center, np.array([wide, thick, (tip - back) / 2])))
     return min(gaps)
+
+
+def palm_room(spec: RobotSpec, pose: Se3Pose, obb: OrientedBoundingBox) -> float:
+    """Least distance [m] between the hand and the target's own top, between whose sides only the fingers go."""
+    grid = np.array([[x, y, 1.0] for x in np.linspace(-1, 1, 5) for y in np.linspace(-1, 1, 5)])
+    top = obb.orientation.rotation.apply(grid * obb.extent.array) + obb.center.array
+    local = pose.rotation.rotation.inv().apply(top - pose.position.array)
+    return min(to_segment(local, center, 0.0) - radius for center, radius in hand_spheres(spec))
+
+
+def hand_spheres(spec: RobotSpec) -> list[tuple[np.ndarray, float]]:
+    """The hand's collision spheres as (centre in the TCP frame [m], radius [m])."""
+    w, x, y, z = spec.tcp_offset_quaternion
+    turn = Rotation.from_quat([x, y, z, w]).inv()
+    offset = np.array(spec.tcp_offset_position)
+    return [(turn.apply(np.array(s.center) - offset), s.radius) for s in spec.spheres if s.link == spec.flange_link]
 
 
 def to_segment(points: np.ndarray, end: np.ndarray, length: float) -> float:
@@ -148,44 +173,30 @@ def to_box(points: np.ndarray, center: np.ndarray, half: np.ndarray) -> float:
     return float((np.linalg.norm(np.maximum(outside, 0), axis=1) + np.minimum(outside.max(axis=1), 0)).min())
 
 
-def hand_spheres(spec: RobotSpec) -> list[tuple[np.ndarray, float]]:
-    """The hand's collision spheres as (centre in the TCP frame [m], radius [m])."""
-    w, x, y, z = spec.tcp_offset_quaternion
-    turn = Rotation.from_quat([x, y, z, w]).inv()
-    return [
-        (turn.apply(np.array(s.center) - np.array(spec.tcp_offset_position)), s.radius)
-        for s in spec.spheres
-        if s.link == spec.flange_link
-    ]
+def nearest_home(ctx: ScriptContext, spec: RobotSpec, candidates: list[Candidate]) -> Candidate | None:
+    """The reachable candidate whose joints are nearest to the arm's home."""
+    travels = [(from_home(ctx, spec, c.pose), i) for i, c in enumerate(candidates)]
+    reachable = [(travel, i) for travel, i in travels if travel is not None]
+    return candidates[min(reachable)[1]] if reachable else None
 
 
-def choose(
-    ctx: ScriptContext, spec: RobotSpec, candidates: list[Candidate], clearance: float, tolerated: float
-) -> Candidate:
-    """The candidate with room enough that is narrowest, then nearest to the middle, then nearest to the arm's home.
-
-    Where none has room enough, the roomiest; unless it overlaps a neighbour by more than is tolerated.
-    """
-    roomy = [c for c in candidates if c.room >= clearance]
-    ranked = sorted(roomy, key=lambda c: (round(c.width, 4), c.shift)) or sorted(candidates, key=lambda c: -c.room)
-    best: tuple[float, Candidate] | None = None
+def roomiest(ctx: ScriptContext, spec: RobotSpec, candidates: list[Candidate], tolerated: float) -> Candidate:
+    """The reachable candidate with most room, where none has enough. Raises `PlanningError`."""
+    ranked = sorted(candidates, key=lambda c: -c.room)
     for candidate in ranked:
-        first = best[1] if best else candidate
-        if best and (round(candidate.width, 4), candidate.shift) != (round(first.width, 4), first.shift):
+        if candidate.room < -tolerated:
             break
-        travel = from_home(ctx, spec, candidate.pose)
-        if travel is not None and (best is None or travel < best[0]):
-            best = travel, candidate
-    if best is None:
-        at = candidates[0].pose.position
-        raise PlanningError("unreachable", f"No top-down grasp at ({at.x:.2f}, {at.y:.2f}, {at.z:.2f}) m is in reach.")
-    if best[1].room < -tolerated:
+        if from_home(ctx, spec, candidate.pose) is not None:
+            return candidate
+    room_left = 1000 * ranked[0].room
+    if room_left < -1000 * tolerated:
         raise PlanningError(
             "blocked",
-            f"A neighbour is {-1000 * best[1].room:.0f} mm inside the hand's way down in the best orientation.",
-            detail={"room": best[1].room},
+            f"A neighbour is {-room_left:.0f} mm inside the hand's way down, however it is turned.",
+            detail={"room": ranked[0].room},
         )
-    return best[1]
+    at = ranked[0].pose.position
+    raise PlanningError("unreachable", f"No grasp from above at ({at.x:.2f}, {at.y:.2f}, {at.z:.2f}) m is in reach.")
 
 
 def from_home(ctx: ScriptContext, spec: RobotSpec, pose: Se3Pose) -> float | None:
@@ -198,21 +209,42 @@ def from_home(ctx: ScriptContext, spec: RobotSpec, pose: Se3Pose) -> float | Non
 
 
 def hover_height(
-    spec: RobotSpec, start: Se3Pose, grasp: Se3Pose, points: np.ndarray, offset: float, pass_over: float
+    spec: RobotSpec, start: Se3Pose, obb: OrientedBoundingBox, points: np.ndarray, pass_over: float
 ) -> float:
-    """TCP height [m] over the target from which everything between here and there is passed over."""
-    a, b = start.position.array[:2], grasp.position.array[:2]
+    """TCP height [m] from which everything between the hand and the target is passed over, at most the hand's own."""
+    a, b = start.position.array[:2], obb.center.array[:2]
     way = b - a
     t = np.clip((points[:, :2] - a) @ way / max(float(way @ way), 1e-9), 0, 1)
     aside = np.linalg.norm(points[:, :2] - (a + t[:, None] * way), axis=1)
     beside = points[aside < spec.gripper.max_width / 2 + 2 * max(spec.gripper.finger_size), 2]
-    least = grasp.position.z + offset
-    if not len(beside):
-        return least
-    over = float(beside.max()) + spec.gripper.finger_size[2] + pass_over
-    return max(least, min(over, start.position.z))
+    top = max([obb.center.z + obb.extent.z, *beside.tolist()])
+    return min(top + spec.gripper.finger_size[2] + pass_over, start.position.z)
 
 
-def at_height(pose: Se3Pose, z: float) -> Se3Pose:
-    """The pose moved straight up or down to height `z` [m]."""
-    return Se3Pose(Vec3(pose.position.x, pose.position.y, z), pose.rotation)
+def descent(grasp: Se3Pose, over: float, least: float) -> float:
+    """Length [m] of the straight approach that starts at height `over`."""
+    down = -grasp.rotation.rotation.apply([0.0, 0.0, 1.0])[2]
+    return max(least, float((over - grasp.position.z) / down))
+
+
+def extent(obb: OrientedBoundingBox, pose: Se3Pose, axis: list[float]) -> float:
+    """Full extent of the box along an axis of the TCP [m]."""
+    return float(
+        2 * np.abs(pose.rotation.rotation.apply(axis) @ obb.orientation.rotation.as_matrix()) @ obb.extent.array
+    )
+
+
+def points_of(world: WorldConfig) -> np.ndarray:
+    """Points (N, 3) [m] of everything seen but the target itself; supports have none."""
+    clouds = [o.points for o in world.obstacles if o.points is not None and o.name != "target"]
+    return np.concatenate([np.zeros((0, 3)), *clouds])
+
+
+def moved(pose: Se3Pose, by: np.ndarray) -> Se3Pose:
+    """The pose moved by `by` (3,) [m] along its own axes."""
+    return Se3Pose(Vec3.of(pose.position.array + pose.rotation.rotation.apply(by)), pose.rotation)
+
+
+def turned(pose: Se3Pose, by: Rotation) -> Se3Pose:
+    """The pose turned about its own axes."""
+    return Se3Pose(pose.position, Quaternion.of(pose.rotation.rotation * by))
