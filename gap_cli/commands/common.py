@@ -69,12 +69,18 @@ def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[Any]
     console().print(table)
 
 
+def spelled(run: Run) -> str:
+    """How to name the run on the next command line: by name where the default root finds it, else by path."""
+    root = Path(os.environ.get("GAP_RUNS", RUNS))
+    return run.name if run.path.parent.resolve() == root.resolve() else str(run.path)
+
+
 def print_done(run: Run, stage: str, lines: Iterable[str], *, next_step: str = "") -> None:
     """What a verb made, where it is, and what to type next."""
     out = console()
     for line in lines:
         out.print(line, markup=False, soft_wrap=True)
-    out.print(f"{stage}: {run.folder(stage) if stage else run.path}", markup=False, soft_wrap=True, style="dim")
+    out.print(f"{stage}: {run.folder(stage)}", markup=False, soft_wrap=True, style="dim")
     if next_step:
         out.print(f"next:  {next_step}", markup=False, soft_wrap=True, style="bold")
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gap_cli.commands.common import RUNS, AsJson, Root, RunName, print_done, print_json, print_table
+from gap_cli.commands.common import RUNS, AsJson, Root, RunName, print_done, print_json, print_table, spelled
 
 if TYPE_CHECKING:
     from gap_cli.artifacts.run import Run
@@ -47,7 +47,7 @@ def rehearse(
         print_json({"run": opened.name, "path": str(summary.folder), "summary": summary.data, "clock": summary.clock})
     else:
         print_summary(opened, summary)
-        print_done(opened, "rehearse/00", [], next_step=f"gap report {opened.name}")
+        print_done(opened, "rehearse/00", [], next_step=f"gap report {spelled(opened)}")
     if summary.interrupted:
         raise typer.Exit(130)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gap_cli.commands.common import RUNS, AsJson, Root, RunName, print_done, print_json
+from gap_cli.commands.common import RUNS, AsJson, Root, RunName, console, print_json
 
 
 def report(run: RunName = None, root: Root = RUNS, json: AsJson = False) -> None:
@@ -16,4 +16,4 @@ def report(run: RunName = None, root: Root = RUNS, json: AsJson = False) -> None
     if json:
         print_json({"run": opened.name, "report": str(page), "bytes": page.stat().st_size})
     else:
-        print_done(opened, "", [f"report: {page}"])
+        console().print(f"report: {page}", markup=False, soft_wrap=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from gap_cli.commands.common import RUNS, AsJson, Root, RunName, print_done, print_json, print_table
+from gap_cli.commands.common import RUNS, AsJson, Root, RunName, print_done, print_json, print_table, spelled
 
 
 def validate(run: RunName = None, root: Root = RUNS, json: AsJson = False) -> None:
@@ -22,7 +22,7 @@ def validate(run: RunName = None, root: Root = RUNS, json: AsJson = False) -> No
             rows = [(f.severity, f.code, f.path, f.message, f.hint) for f in findings]
             print_table("", ("", "rule", "where", "what", "do"), rows)
         verdict = f"{opened.name}: {len(errors)} errors, {len(findings) - len(errors)} notes"
-        step = f"gap rehearse {opened.name}" if not errors else "mend the graph, then gap validate again"
+        step = f"gap rehearse {spelled(opened)}" if not errors else "mend the graph, then gap validate again"
         print_done(opened, "validate", [verdict], next_step=step)
     if errors:
         raise typer.Exit(1)

@@ -22,7 +22,7 @@ from gap_cli.contracts.world import WorldFrame
 from gap_cli.graph.events import Event
 from gap_cli.rehearse.shapes import entity
 
-JPEG_QUALITY = 85
+JPEG_QUALITY = 80
 PART = ".part"  # while it is being written
 EVENT_SCHEMA = {
     "type": "object",

@@ -15,6 +15,7 @@ from gap_cli.graph.checkpoints import Checkpoint, parse_checkpoints
 from gap_cli.graph.compile import compile_workflow
 from gap_cli.graph.compiled import CompiledGraph
 from gap_cli.graph.load import load_workflow
+from gap_cli.graph.model import START, Workflow
 from gap_cli.rehearse.inventory import Inventory
 from gap_cli.rehearse.judge import Conditions, make_conditions
 
@@ -72,13 +73,12 @@ def describe(prepared: Prepared, lock: Path) -> dict[str, Any]:
     tools = prepared.inventory.registry.tools
     used = tools_used(graph)
     subgraphs = []
-    for node in graph.nodes:
-        if node.subgraph is None:
-            continue
-        definition = graph.workflow.subgraphs[node.subgraph.ref]
+    for name in in_order(graph.workflow):
+        ref = graph.workflow.nodes[name].ref or ""
+        definition = graph.workflow.subgraphs[ref]
         contract = library.find(definition.skill).contract
         subgraphs.append({
-            "node": node.name, "ref": node.subgraph.ref, "skill": definition.skill.replace("_", "-"),
+            "node": name, "ref": ref, "skill": definition.skill.replace("_", "-"),
             "stage": definition.stage or contract.stage or "", "swaps": contract.swaps,
             "parameters": list(contract.parameters),
         })  # fmt: skip
@@ -89,6 +89,22 @@ def describe(prepared: Prepared, lock: Path) -> dict[str, Any]:
         "privileged_tools": [name for name in used if tools[name].spec.privileged],
         "subgraphs": subgraphs,
     }  # fmt: skip
+
+
+def in_order(workflow: Workflow) -> list[str]:
+    """The subgraph nodes as control first reaches them, breadth first; then any it never does."""
+    after: dict[str, list[str]] = {}
+    for a, b in workflow.edges:
+        after.setdefault(a, []).append(b)
+    for a, routing in workflow.conditional_edges.items():
+        after.setdefault(a, []).extend(routing.mapping.values())
+    found = dict.fromkeys([START])
+    for name in (queue := [START]):
+        fresh = [n for n in after.get(name, ()) if n not in found]
+        found |= dict.fromkeys(fresh)
+        queue += fresh
+    return [n for n in [*found, *(m for m in workflow.nodes if m not in found)]
+            if n in workflow.nodes and workflow.nodes[n].type == "subgraph"]  # fmt: skip
 
 
 def tools_used(graph: CompiledGraph) -> list[str]:

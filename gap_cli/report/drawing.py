@@ -137,7 +137,9 @@ def _box(box: Box) -> str:
         text.append(f'<text class="note" x="{cx:.1f}" y="{y:.1f}">{escape(box.note)}</text>')
     for line in box.lines:
         y += LINE
-        text.append(f'<text class="node" x="{box.x + PAD:.1f}" y="{y:.1f}">{escape(line)}</text>')
+        node, _, callee = line.partition("  ")
+        ink = f'<tspan class="id">{escape(node)}</tspan><tspan dx="{CHAR:.1f}">{escape(callee)}</tspan>'
+        text.append(f'<text class="node" x="{box.x + PAD:.1f}" y="{y:.1f}">{ink}</text>')
     return (
         f'<g class="{escape(box.css)}"><rect x="{box.x:.1f}" y="{box.y:.1f}" width="{box.width:.1f}" '
         f'height="{box.height:.1f}" rx="7"/>{"".join(text)}</g>'
