@@ -71,12 +71,15 @@ class Beside:
                    for n in flow.into[flow.index[name]])  # fmt: skip
 
     def restarted_under(self, number: int, streaming: frozenset[int]) -> int | None:
-        """A node that may still run when back edge `number` starts a new pass of the loop it began in, or None."""
+        """What may still go on when back edge `number` starts a new pass: a node that began in the loop, the head of
+        another loop that starts over too, or END (1) where the graph may have ended; None where all is well."""
         flow = self.flow
         arc = flow.arcs[number]
         for other in bits(self.together[number]):
             node = flow.arcs[other].target
-            if node in (1, arc.source) or node in streaming or flow.before[arc.source] >> node & 1:
+            if node == 1 or other in flow.back:
+                return node
+            if node == arc.source or node in streaming or flow.before[arc.source] >> node & 1:
                 continue
             if node == arc.target or flow.before.get(node, 0) >> arc.target & 1:
                 return node

@@ -95,7 +95,10 @@ def r3_loops(scope: Scope) -> Iterator[Finding]:
             yield scope.find("R3", f"nodes.{target}", message, "Give the loop one first node.")
             continue
         running = scope.beside.restarted_under(number, streaming)
-        if running is not None:
+        if running == 1:
+            message = f"goes back to {target!r} though the same pass may lead to END"
+            yield scope.find("R3", f"nodes.{source}", message, "Choose one of the two with conditional edges.")
+        elif running is not None:
             other = flow.names[running]
             message = f"goes back to {target!r} while {other!r} may still run"
             yield scope.find("R3", f"nodes.{source}", message, f'Join first: add_edge("{other}", "{source}").')
