@@ -150,11 +150,8 @@ class ForkServer:
         if self._control is not None:
             self._control.close()
         if self._process is not None:
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                self._process.wait(2)
-            if self._process.poll() is None:
-                self._process.kill()
-                self._process.wait()
+            self._process.kill()  # the kernel then kills its children
+            self._process.wait()
         self._control = self._process = None
 
     def forget(self) -> None:

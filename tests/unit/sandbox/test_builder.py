@@ -1,4 +1,8 @@
+import contextlib
+
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from gap_cli.errors import SandboxError
 from gap_cli.sandbox import level, run_builder
@@ -92,6 +96,16 @@ def test_the_same_code_gives_the_same_bytes():
     other = ForkServer("gap_cli.sandbox.builder_child")
     assert list(run_builder(source, server=other)["def"]["nodes"]) == list(first["def"]["nodes"])
     other.close()
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.data())
+def test_mangled_code_gives_a_graph_or_a_typed_error(data):
+    place = st.integers(0, len(GRASP))
+    start, end = sorted((data.draw(place), data.draw(place)))
+    source = GRASP[:start] + data.draw(st.text(max_size=5) | st.just(GRASP[start:end] * 2)) + GRASP[end:]
+    with contextlib.suppress(SandboxError):
+        assert isinstance(run_builder(source), dict)
 
 
 @pytest.mark.parametrize("source", ["#" * 300_000, None, b"x = 1"])

@@ -15,7 +15,7 @@ from gap_cli.sandbox.server import ForkServer
 WORKER = "gap_cli.sandbox.builder_child"
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def server():
     made = ForkServer(WORKER)
     if made.level() == "none":
