@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from gap_cli.contracts.failures import BadRequestError
 from gap_cli.contracts.tool import ToolContext, tool
 from gap_cli.contracts.types import Detection, Image
+from gap_perception.frames import DEADLINE_S
 
 MAX_PHRASES = 64
 
 
-@tool("grounding_dino.Detect")
+@tool("grounding_dino.Detect", deadline_s=DEADLINE_S)
 def grounding_dino_detect(
     ctx: ToolContext, image: Image, text_prompt: str, box_threshold: float = 0.20, text_threshold: float = 0.20
 ) -> list[Detection]:
@@ -26,7 +27,7 @@ def grounding_dino_detect(
     return _detect(ctx, image, text_prompt.split("."), box_threshold, text_threshold)
 
 
-@tool("owlvit.Detect")
+@tool("owlvit.Detect", deadline_s=DEADLINE_S)
 def owlvit_detect(
     ctx: ToolContext, image: Image, text_queries: list[str], score_threshold: float = 0.05
 ) -> list[Detection]:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from gap_cli.contracts.types import CameraObservation, Image, Observation
 
 KEEP = 6  # observations; a node looks at the latest, a comparison at the one before, a tracker at a few
+DEADLINE_S = 30.0  # of a tool that looks at frames: the first look in a process renders the object models
 _KEY = "gap_perception.frames"
 
 

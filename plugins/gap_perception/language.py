@@ -7,6 +7,7 @@ from typing import NamedTuple
 from gap_cli.contracts.failures import BadRequestError, PerceptionError
 from gap_cli.contracts.tool import ToolContext, tool
 from gap_cli.contracts.types import Image
+from gap_perception.frames import DEADLINE_S, find, latest
 
 MAX_PROMPT = 8000  # characters
 
@@ -19,7 +20,7 @@ class Pointed(NamedTuple):
     found: bool
 
 
-@tool("vlm.Query")
+@tool("vlm.Query", deadline_s=DEADLINE_S)
 def vlm_query(ctx: ToolContext, prompt: str, image: Image | None = None) -> str:
     """Answer a question about an image (default: the latest observation's first camera) in as few words as it takes.
 
@@ -32,7 +33,7 @@ def vlm_query(ctx: ToolContext, prompt: str, image: Image | None = None) -> str:
     return _ask(ctx, prompt, image)
 
 
-@tool("vlm.QueryYesNo")
+@tool("vlm.QueryYesNo", deadline_s=DEADLINE_S)
 def vlm_query_yes_no(ctx: ToolContext, prompt: str, image: Image | None = None) -> bool:
     """Answer a yes-no question about an image (default: the latest observation's first camera).
 
@@ -41,19 +42,19 @@ def vlm_query_yes_no(ctx: ToolContext, prompt: str, image: Image | None = None) 
     return _yes_no(ctx, prompt, image)
 
 
-@tool("molmo.Query")
+@tool("molmo.Query", deadline_s=DEADLINE_S)
 def molmo_query(ctx: ToolContext, prompt: str, image: Image | None = None, use_multiview: bool = False) -> str:
     """As `vlm.Query`; with `use_multiview`, the first camera of the image's observation that gives an answer counts."""
     return _ask(ctx, prompt, image, every=use_multiview)
 
 
-@tool("molmo.QueryYesNo")
+@tool("molmo.QueryYesNo", deadline_s=DEADLINE_S)
 def molmo_query_yes_no(ctx: ToolContext, prompt: str, image: Image | None = None, use_multiview: bool = False) -> bool:
     """As `vlm.QueryYesNo`; with `use_multiview`, yes in any camera of the image's observation is yes."""
     return _yes_no(ctx, prompt, image, every=use_multiview)
 
 
-@tool("molmo.PointPrompt")
+@tool("molmo.PointPrompt", deadline_s=DEADLINE_S)
 def molmo_point_prompt(ctx: ToolContext, image: Image, object_name: str) -> Pointed:
     """A pixel well inside the best match for `object_name`; `found` is false when there is none.
 
@@ -109,15 +110,13 @@ def _check(prompt: str) -> None:
 
 
 def _pictures(ctx: ToolContext, image: Image | None, every: bool) -> list[Image]:
-    from gap_perception.frames import find, latest
-
     if image is not None and not every:
         return [image]
     found = None if image is None else find(ctx.state, image)
     scene = found.scene if found else latest(ctx.state)
     if image is not None and found is None:
         return [image]
-    if scene is None:
+    if scene is None or not scene.observation.cameras:
         raise BadRequestError(
             "no_image", "There is no image: none was given and nothing was observed yet.",
             hint="Call observation.GetObservation first, or pass an image.",

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from gap_cli.contracts.failures import BadRequestError
 from gap_cli.contracts.tool import ToolContext, tool
 from gap_cli.contracts.types import BoundingBox2D, Image, Mask
+from gap_perception.frames import DEADLINE_S
 
 if TYPE_CHECKING:
     from gap_cli.contracts.types import Array
@@ -27,7 +28,7 @@ class NamedSegments(NamedTuple):
     boxes: list[BoundingBox2D]
 
 
-@tool("sam3.SegmentText")
+@tool("sam3.SegmentText", deadline_s=DEADLINE_S)
 def sam3_segment_text(ctx: ToolContext, image: Image, text_prompt: str) -> NamedSegments:
     """Every segment that `text_prompt` names; empty when there is none. The text is read as by `grounding_dino.Detect`.
 
@@ -45,7 +46,7 @@ def sam3_segment_text(ctx: ToolContext, image: Image, text_prompt: str) -> Named
     return NamedSegments([Mask(c.mask) for _, c in found], [s for s, _ in found], [c.bounds for _, c in found])
 
 
-@tool("sam3.SegmentPoint")
+@tool("sam3.SegmentPoint", deadline_s=DEADLINE_S)
 def sam3_segment_point(ctx: ToolContext, image: Image, pixel_x: int, pixel_y: int) -> Segments:
     """The segment under a pixel; empty over a support or the background.
 
@@ -54,7 +55,7 @@ def sam3_segment_point(ctx: ToolContext, image: Image, pixel_x: int, pixel_y: in
     return _at_point(ctx, image, pixel_x, pixel_y)
 
 
-@tool("sam2.SegmentPoint")
+@tool("sam2.SegmentPoint", deadline_s=DEADLINE_S)
 def sam2_segment_point(ctx: ToolContext, image: Image, pixel_x: int, pixel_y: int) -> Segments:
     """The segment under a pixel; empty over a support or the background.
 
@@ -63,7 +64,7 @@ def sam2_segment_point(ctx: ToolContext, image: Image, pixel_x: int, pixel_y: in
     return _at_point(ctx, image, pixel_x, pixel_y)
 
 
-@tool("sam3.SegmentBox")
+@tool("sam3.SegmentBox", deadline_s=DEADLINE_S)
 def sam3_segment_box(
     ctx: ToolContext, image: Image, box: BoundingBox2D, pixel_x: int = 0, pixel_y: int = 0, use_point: bool = False
 ) -> Segments:
@@ -82,7 +83,7 @@ def sam3_segment_box(
     return _segments(found)
 
 
-@tool("sam2.SegmentBox")
+@tool("sam2.SegmentBox", deadline_s=DEADLINE_S)
 def sam2_segment_box(ctx: ToolContext, image: Image, box: BoundingBox2D, max_masks: int = 0) -> Segments:
     """The segments that fill a box best, at most `max_masks` of them (0: all).
 

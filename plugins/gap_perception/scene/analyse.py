@@ -122,7 +122,7 @@ def _extents(points: Array, found: Sequence[Instance]) -> tuple[Array, Array]:
 
 
 def _measure(lifted: Sequence[CameraPoints], voxels: Voxels) -> Measured:
-    colours = np.concatenate([perceptual(p.camera.rgb.data)[p.rows, p.columns] for p in lifted])
+    colours = np.concatenate([perceptual(p.camera.rgb.data[p.rows, p.columns]) for p in lifted])
     support = np.concatenate([p.support for p in lifted])
 
     def mean(values: Array) -> Array:

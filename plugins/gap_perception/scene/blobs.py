@@ -36,18 +36,22 @@ def voxelise(xyz: Array, size: float = VOXEL) -> Voxels:
     return Voxels(np.column_stack(sums) / counts[:, None], of_point, counts)
 
 
-def components(points: Array, link: float = LINK) -> Array:
-    """Label of each point (N, 3): equal where a chain of steps shorter than `link` leads from one to the other.
+class Links:
+    """Which points of a cloud (N, 3) are neighbours, worked out once, so that subsets can be grouped at little cost."""
 
-    Labels count from 0 by decreasing size.
-    """
-    if not len(points):
-        return np.zeros(0, dtype=np.int64)
-    pairs = cKDTree(points).query_pairs(link, output_type="ndarray")
-    n = len(points)
-    graph = coo_matrix((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
-    _, labels = connected_components(graph, directed=False)
-    order = np.argsort(-np.bincount(labels), kind="stable")
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
-    return np.asarray(rank[labels])
+    def __init__(self, points: Array, link: float = LINK) -> None:
+        self._count = len(points)
+        self._pairs = cKDTree(points).query_pairs(link, output_type="ndarray") if len(points) else np.zeros((0, 2), int)
+
+    def groups(self, members: Array) -> list[Array]:
+        """Indices (sorted) of each connected part of the subset `members` (indices), largest part first."""
+        inside = np.zeros(self._count, dtype=bool)
+        inside[members] = True
+        pairs = self._pairs[inside[self._pairs].all(axis=1)]
+        graph = coo_matrix((np.ones(len(pairs), dtype=np.int8), pairs.T), shape=(self._count, self._count))
+        _, labels = connected_components(graph, directed=False)
+        labels = labels[members]
+        order = np.argsort(labels, kind="stable")
+        cuts = np.flatnonzero(np.diff(labels[order])) + 1
+        parts = [np.sort(members[part]) for part in np.split(order, cuts)] if len(members) else []
+        return sorted(parts, key=lambda part: (-len(part), int(part[0])))

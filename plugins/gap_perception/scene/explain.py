@@ -8,14 +8,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gap_cli.contracts.types import Array
-from gap_perception.scene.blobs import components
+from gap_perception.scene.blobs import Links
 from gap_perception.scene.library import Appearance
 from gap_perception.scene.match import ON_SURFACE, Match, judge
-from gap_perception.scene.propose import propose, sample
+from gap_perception.scene.propose import LYING, RAISED, STANDING, UPRIGHT, Stance, propose, sample
 from gap_perception.scene.split import split
 from gap_perception.scene.visibility import DepthView
 
 SPECK = 12  # voxels: smaller groups are left-overs of edges, not objects
+RAISED_WHOLE = 60  # voxels an object that stands on no support must show
 WHOLE = 80  # voxels from which a group shows enough to be sure of
 GOOD = -3.0  # log-likelihood from which a match is taken without looking further
 UNKNOWN = -4.5  # log-likelihood of anything the task has no model of
@@ -57,33 +58,31 @@ def explain(library: Mapping[str, Appearance], scene: Measured, views: Sequence[
 
     Instances are ordered by decreasing number of points.
     """
-    free = np.arange(len(scene.points))
+    links, free = Links(scene.points), np.arange(len(scene.points))
     found: list[Instance] = []
-    for attempt in (_stand_alone, _hidden_or_touching):
-        groups = _groups(scene, free)
+    for attempt in (_standing, _touching, _lying, _raised):
+        groups = _groups(links, free)
         claims = attempt(library, scene, groups, views)
         for instance in sorted(claims, key=lambda i: -_quality(i)):
-            taken = _claim(scene, instance, free, groups)
-            if len(taken) >= SPECK:
-                found.append(_rescored(library, scene, Instance(taken, instance.match, instance.scores), views))
+            taken = _claim(scene, instance, free)
+            judged = _judged(library, scene, Instance(taken, instance.match, instance.scores), views)
+            if judged is not None:
+                found.append(judged)
                 free = np.setdiff1d(free, taken, assume_unique=True)
-    found += [Instance(group, None) for group in _groups(scene, free)]
+    found += [Instance(group, None) for group in _groups(links, free)]
     return sorted(found, key=lambda i: -len(i.voxels))
 
 
-def _groups(scene: Measured, free: Array) -> list[Array]:
-    labels = components(scene.points[free])
-    groups = [free[labels == label] for label in range(int(labels.max(initial=-1)) + 1)]
-    return [g for g in groups if len(g) >= SPECK]
+def _groups(links: Links, free: Array) -> list[Array]:
+    return [group for group in links.groups(free) if len(group) >= SPECK]
 
 
 def identify(
-    library: Mapping[str, Appearance], part: Measured, views: Sequence[DepthView], *, whole: bool, upright: bool = False
+    library: Mapping[str, Appearance], part: Measured, views: Sequence[DepthView], stance: Stance
 ) -> list[Match]:
-    """Every plausible match for one group of points, best first; `whole` and `upright` as in `propose`."""
+    """Every plausible match for one group of points, best first."""
     chosen = sample(part.points)
-    support = float(np.median(part.support))
-    fits = propose(library, part.points, support, whole=whole, upright=upright)
+    fits = propose(library, part.points, float(np.median(part.support)), stance)
     fits = [f for f in fits if (f.distance < ON_SURFACE).mean() >= PLAUSIBLE]
     matches = [judge(f, part.points[chosen], part.colours[chosen], views) for f in fits]
     return sorted(matches, key=lambda m: (-m.log_likelihood, m.fit.appearance.name))
@@ -100,38 +99,71 @@ def probabilities(matches: Sequence[Match], count: int) -> dict[str, float]:
     return {name: float(np.exp(v) / total) for name, v in best.items()}
 
 
-def _stand_alone(
+def _standing(
     library: Mapping[str, Appearance], scene: Measured, groups: Sequence[Array], views: Sequence[DepthView]
 ) -> list[Instance]:
     """Groups that are one upright object each."""
-    claims = []
-    for group in groups:
-        matches = identify(library, scene.select(group), views, whole=True)
-        if matches and matches[0].log_likelihood > GOOD:
-            claims.append(Instance(group, matches[0], probabilities(matches, len(group))))
-    return claims
+    return [
+        claim
+        for group in groups
+        if (claim := _single(library, scene, group, views, STANDING)) is not None and _quality(claim) > GOOD
+    ]
 
 
-def _hidden_or_touching(
+def _touching(
     library: Mapping[str, Appearance], scene: Measured, groups: Sequence[Array], views: Sequence[DepthView]
 ) -> list[Instance]:
-    """What is left: objects partly hidden or tipped over, then several objects that touch."""
+    """Objects partly hidden, and upright ones that touch each other."""
+    return _one_or_more(library, scene, groups, views, UPRIGHT)
+
+
+def _lying(
+    library: Mapping[str, Appearance], scene: Measured, groups: Sequence[Array], views: Sequence[DepthView]
+) -> list[Instance]:
+    """What has tipped over, alone or against others."""
+    return _one_or_more(library, scene, groups, views, LYING)
+
+
+def _one_or_more(
+    library: Mapping[str, Appearance],
+    scene: Measured,
+    groups: Sequence[Array],
+    views: Sequence[DepthView],
+    stance: Stance,
+) -> list[Instance]:
     claims = []
     for group in groups:
-        matches = identify(library, scene.select(group), views, whole=False)
-        if matches and matches[0].log_likelihood > UNKNOWN:
-            claims.append(Instance(group, matches[0], probabilities(matches, len(group))))
-            continue
-        part = scene.select(group)
-        claims += [Instance(group[near], match) for near, match in split(library, part, views)]
+        single = _single(library, scene, group, views, stance)
+        if single is not None and _quality(single) > UNKNOWN:
+            claims.append(single)
+        else:
+            parts = split(library, scene.select(group), views, tipped=stance.tipped)
+            claims += [Instance(group[near], match) for near, match in parts]
     return claims
+
+
+def _raised(
+    library: Mapping[str, Appearance], scene: Measured, groups: Sequence[Array], views: Sequence[DepthView]
+) -> list[Instance]:
+    """Objects in or on others, or held; as less is known of where they can be, more of them must be seen."""
+    large = [g for g in groups if len(g) >= RAISED_WHOLE]
+    claims = [_single(library, scene, group, views, RAISED) for group in large]
+    return [c for c in claims if c is not None and _quality(c) > GOOD]
+
+
+def _single(
+    library: Mapping[str, Appearance], scene: Measured, group: Array, views: Sequence[DepthView], stance: Stance
+) -> Instance | None:
+    """The group as one object, if any model is plausible."""
+    matches = identify(library, scene.select(group), views, stance)
+    return Instance(group, matches[0], probabilities(matches, len(group))) if matches else None
 
 
 def _quality(instance: Instance) -> float:
     return instance.match.log_likelihood if instance.match else -np.inf
 
 
-def _claim(scene: Measured, instance: Instance, free: Array, groups: Sequence[Array]) -> Array:
+def _claim(scene: Measured, instance: Instance, free: Array) -> Array:
     """The free points an instance stands for: all on its surface, and its own group where it explains most of it."""
     assert instance.match is not None
     near = free[instance.match.fit.surface_distance(scene.points[free]) < ON_SURFACE]
@@ -141,14 +173,16 @@ def _claim(scene: Measured, instance: Instance, free: Array, groups: Sequence[Ar
     return near
 
 
-def _rescored(
-    library: Mapping[str, Appearance], scene: Measured, instance: Instance, views: Sequence[DepthView]
-) -> Instance:
-    """The instance with probabilities, where it was found without any."""
-    if instance.scores or instance.match is None:
-        return instance
-    part = scene.select(instance.voxels)
-    matches = identify(library, part, views, whole=False, upright=instance.match.fit.rest == 0)
-    if not matches:
-        return instance
-    return Instance(instance.voxels, matches[0], probabilities(matches, len(instance.voxels)))
+def _judged(
+    library: Mapping[str, Appearance], scene: Measured, claim: Instance, views: Sequence[DepthView]
+) -> Instance | None:
+    """The claim with probabilities, worked out from its points where it has none; None when they do not bear it out."""
+    if len(claim.voxels) < SPECK or claim.match is None:
+        return None
+    if claim.scores:
+        return claim
+    stance = UPRIGHT if claim.match.fit.rest == 0 else LYING
+    matches = identify(library, scene.select(claim.voxels), views, stance)
+    if not matches or matches[0].log_likelihood < GOOD:
+        return None
+    return Instance(claim.voxels, matches[0], probabilities(matches, len(claim.voxels)))

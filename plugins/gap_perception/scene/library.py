@@ -17,8 +17,9 @@ from gap_perception.scene.colours import perceptual
 CELL = 0.003  # m: grid of surface points
 PAD = 0.03  # m: how far from the surface the nearest surface point is still looked up
 YAWS = (0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0)
-ELEVATIONS = (-45.0, 15.0, 50.0)
+SIDES, BELOW = (15.0, 50.0), -45.0
 TOP = 89.9
+FLAT = 0.15  # cosine below which a surface is seen too flatly to learn from
 
 
 @dataclass(frozen=True)
@@ -52,8 +53,8 @@ def build_library(task: Task) -> dict[str, Appearance]:
     """Render every object model of the task alone and learn its surface; seconds, and nothing but the models."""
     from gap_mujoco.models import render_views
 
-    views = render_views(task.objects, yaws_deg=YAWS, elevations_deg=ELEVATIONS)
-    views += render_views(task.objects, yaws_deg=(0.0,), elevations_deg=(TOP,))
+    views = render_views(task.objects, yaws_deg=YAWS, elevations_deg=SIDES)
+    views += render_views(task.objects, yaws_deg=YAWS[::2], elevations_deg=(BELOW, TOP))
     return {name: learn(name, model, [v for v in views if v.name == name]) for name, model in task.objects.items()}
 
 
@@ -77,19 +78,20 @@ def learn(name: str, model: ObjectModel, views: Sequence[Any]) -> Appearance:
 def _surface(frame: CameraObservation, mask: Array, yaw_deg: float) -> tuple[Array, Array, Array, Array]:
     """Points, normals and colours in the object's frame, and weights, of one view; grazing pixels count little."""
     K, T = frame.intrinsics.data, frame.pose.matrix
-    z = frame.depth.data.astype(float)
-    v, u = np.indices(z.shape)
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    window = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    z, v, u = frame.depth.data[window].astype(float), *np.mgrid[window]
     camera = np.stack([(u - K[0, 2]) / K[0, 0] * z, (v - K[1, 2]) / K[1, 1] * z, z], axis=-1)
     normal = np.cross(np.gradient(camera, axis=0), np.gradient(camera, axis=1))
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
     normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 1e-12)
     facing = -(normal * camera).sum(-1) / np.maximum(np.linalg.norm(camera, axis=-1), 1e-9)
     normal *= np.sign(facing)[..., None]
-    keep = mask & _inner(mask) & (np.abs(facing) > 0.15)
+    keep = _inner(mask)[window] & (np.abs(facing) > FLAT)
     R = Rotation.from_euler("z", -yaw_deg, degrees=True).as_matrix()
     points = (camera[keep] @ T[:3, :3].T + T[:3, 3]) @ R.T
     normals = normal[keep] @ T[:3, :3].T @ R.T
-    return points, normals, perceptual(frame.rgb.data)[keep], facing[keep] ** 2
+    return points, normals, perceptual(frame.rgb.data[window])[keep], facing[keep] ** 2
 
 
 def _inner(mask: Array) -> Array:

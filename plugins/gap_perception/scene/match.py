@@ -9,16 +9,19 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gap_cli.contracts.types import Array
-from gap_perception.scene.fit import Fit, resting_size
+from gap_perception.scene.fit import Fit
+from gap_perception.scene.library import Appearance
 from gap_perception.scene.visibility import Agreement, DepthView, agreement
 
 ON_SURFACE = 0.004  # m: a point this near to a model is explained by it
 ROUND_TURNS = 24
+SAME_SHAPE = 0.95  # share of its points that must stay on a model turned about a symmetry
 SQUARE = 0.004  # m: sides that differ by less look square
 FAR_COLOUR = 60.0  # CIELAB distance from which colours are simply different
 LIGHTNESS_WEIGHT = 0.5  # light and shadow change lightness far more than hue
 # Log-likelihood units per unit of evidence; calibrated by `gap_perception.bench` on development scenes.
 UNEXPLAINED, SEEN_THROUGH, OFF_COLOUR = 12.0, 12.0, 0.25
+HOPELESS = 6.0  # shape cost from which colours need not be looked at
 USUAL_COLOUR = 8.0  # colour distance of a right match, from lighting and the grid
 
 
@@ -34,41 +37,47 @@ class Match:
     @property
     def log_likelihood(self) -> float:
         """Of the evidence under this model; 0 for a perfect match."""
-        return -(
-            UNEXPLAINED * (1 - self.explained)
-            + SEEN_THROUGH * (1 - self.agreement.share)
-            + OFF_COLOUR * max(self.colour - USUAL_COLOUR, 0.0)
-        )
+        return -(self.shape_cost + OFF_COLOUR * max(self.colour - USUAL_COLOUR, 0.0))
+
+    @property
+    def shape_cost(self) -> float:
+        """What shape alone speaks against it, in units of log-likelihood."""
+        return UNEXPLAINED * (1 - self.explained) + SEEN_THROUGH * (1 - self.agreement.share)
 
 
 def judge(fit: Fit, points: Array, colours: Array, views: Sequence[DepthView], *, near: Array | None = None) -> Match:
     """Evidence for a fit from world points (N, 3) with CIELAB colours (N, 3); the fit is turned to agree with them."""
     near = fit.distance < ON_SURFACE if near is None else near
     seen = agreement(fit, views)
-    if not near.any():
-        return Match(fit, 0.0, seen, FAR_COLOUR)
+    unlikely = Match(fit, float(near.mean()), seen, FAR_COLOUR)
+    if unlikely.shape_cost > HOPELESS:  # whatever its colours
+        return unlikely
     turned, colour = _turn(fit, points[near], colours[near])
-    return Match(turned, float(near.mean()), seen, colour)
+    return replace(unlikely, fit=turned, colour=colour)
 
 
 def _turn(fit: Fit, points: Array, colours: Array) -> tuple[Fit, float]:
-    """The turn about the vertical, among those the shape cannot tell apart, under which colours agree best."""
-    best, cost = fit, np.inf
-    for angle in _turns(fit):
-        rotation = Rotation.from_euler("z", angle).as_matrix() @ fit.rotation
-        candidate = fit if angle == 0 else replace(fit, rotation=rotation)
+    """The fit turned, among the turns its shape cannot tell apart, to where colours agree best."""
+    best, cost = fit, colour_distance(fit, points, colours)
+    for turn in symmetries(fit.appearance, standing=fit.rest == 0):
+        candidate = replace(fit, rotation=fit.rotation @ turn)
         value = colour_distance(candidate, points, colours)
-        if value < cost - 1e-9:
+        if value < cost - 1e-9 and _still_on(candidate, points):
             best, cost = candidate, value
-    return best, float(cost)
+    return best, cost
 
 
-def _turns(fit: Fit) -> Array:
-    if fit.appearance.is_round and fit.rest == 0:
-        return np.arange(ROUND_TURNS) * (2 * np.pi / ROUND_TURNS)
-    size = resting_size(fit.appearance, fit.rest)
-    count = 4 if abs(size[0] - size[1]) < SQUARE else 2
-    return np.arange(count) * (2 * np.pi / count)
+def _still_on(fit: Fit, points: Array) -> bool:
+    return float((fit.surface_distance(points) < ON_SURFACE).mean()) > SAME_SHAPE
+
+
+def symmetries(appearance: Appearance, *, standing: bool) -> list[Array]:
+    """Turns, as rotations of the object's frame, that leave its outline about the same; upside down only when lying."""
+    x, y, _ = appearance.model.shape.size
+    steps = ROUND_TURNS if appearance.is_round else 4 if abs(x - y) < SQUARE else 2
+    about_z = [Rotation.from_euler("z", 2 * np.pi * k / steps).as_matrix() for k in range(steps)]
+    over = np.diag([1.0, -1.0, -1.0])
+    return about_z[1:] if standing else about_z[1:] + [turn @ over for turn in about_z]
 
 
 def colour_distance(fit: Fit, points: Array, colours: Array) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,19 @@ SAMPLE = 300  # points a fit looks at
 TOP_SLACK = 0.008  # m
 SIDE_SLACK = 0.010  # m
 SAME_SIDE = 0.006  # m: sides measured this well are taken to be seen whole
+
+
+class Stance(NamedTuple):
+    """How objects may stand: `whole` means their top is in sight, `tipped` that they may lie on any side, `raised` that
+    they may stand on something that is no support of the cell: another object, a container's floor, a gripper."""
+
+    whole: bool = False
+    tipped: bool = False
+    raised: bool = False
+
+
+STANDING, UPRIGHT, LYING = Stance(whole=True), Stance(), Stance(tipped=True)
+RAISED = Stance(tipped=True, raised=True)
 
 
 def sample(points: Array, count: int = SAMPLE) -> Array:
@@ -32,29 +46,25 @@ def rectangle(points: Array) -> tuple[Array, Array, float]:
     return middle + np.array([x, y]), np.array(sides, dtype=float), float(np.radians(degrees))
 
 
-def propose(
-    library: Mapping[str, Appearance], points: Array, support: float, *, whole: bool, upright: bool = False
-) -> list[Fit]:
-    """Fits of the models whose size can explain world points (N, 3) that stand above `support` [m].
-
-    With `whole`, the top of the group must be the top of an upright model; otherwise it may be hidden, and, unless
-    `upright`, the object may have tipped over.
-    """
+def propose(library: Mapping[str, Appearance], points: Array, support: float, stance: Stance) -> list[Fit]:
+    """Fits of the models whose size can explain world points (N, 3) above a surface at height `support` [m]."""
     centre, sides, yaw = rectangle(points)
     top = float(np.quantile(points[:, 2], 0.995)) - support
     chosen = points[sample(points)]
-    fits = []
+    found = []
     for name in sorted(library):
         surface = library[name]
-        for rest in range(1 if whole or upright else len(rests(surface.model.shape.kind))):
+        for rest in range(len(rests(surface.model.shape.kind)) if stance.tipped else 1):
             size = resting_size(surface, rest)
-            if top > size[2] + TOP_SLACK or (whole and top < size[2] - TOP_SLACK):
+            if not stance.raised and top > size[2] + TOP_SLACK:
+                continue
+            if stance.whole and top < size[2] - TOP_SLACK:
                 continue
             if sides.max() > np.hypot(size[0], size[1]) + SIDE_SLACK:
                 continue
             starts = _starts(size, centre, sides, yaw, round_=surface.is_round and rest == 0)
-            fits.append(fit(surface, rest, chosen, starts, support))
-    return fits
+            found.append(fit(surface, rest, chosen, starts, support, free=stance.raised))
+    return found
 
 
 def _starts(size: Array, centre: Array, sides: Array, yaw: float, *, round_: bool) -> Array:

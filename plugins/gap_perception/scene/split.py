@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 LOOKED_AT = 400  # points of the group that candidates are compared on
 FITTED = 160  # of these, points that candidates are fitted to
+FEWEST = 5  # of these, points from which a candidate is kept
 ROUNDS = 7
 ANCHORS = 10  # places a model is tried at
 YAWS = 4
@@ -30,11 +31,15 @@ WORTH = -3.5  # log-likelihood of cameras and colour from which a part is accept
 MOST_PARTS = 8
 
 
-def split(library: Mapping[str, Appearance], part: Measured, views: Sequence[DepthView]) -> list[tuple[Array, Match]]:
+def split(
+    library: Mapping[str, Appearance], part: Measured, views: Sequence[DepthView], *, tipped: bool
+) -> list[tuple[Array, Match]]:
     """Models that together explain the group: for each the indices of the points on it, and the match."""
+    if len(part.points) < ENOUGH:
+        return []
     chosen = sample(part.points, LOOKED_AT)
     points, colours = part.points[chosen], part.colours[chosen]
-    pool = _pool(library, points, colours, float(np.median(part.support)))
+    pool = _pool(library, points, colours, float(np.median(part.support)), tipped)
     near = np.array([f.surface_distance(points) < ON_SURFACE for f in pool]).reshape(len(pool), len(points))
     scale = len(part.points) / len(points)
     rest, left = np.arange(len(part.points)), np.ones(len(points), dtype=bool)
@@ -65,7 +70,7 @@ def _next(
     return None
 
 
-def _pool(library: Mapping[str, Appearance], points: Array, colours: Array, support: float) -> list[Fit]:
+def _pool(library: Mapping[str, Appearance], points: Array, colours: Array, support: float, tipped: bool) -> list[Fit]:
     """Fits of every model whose hues occur in the group, at every place it locks onto; no two alike."""
     hues = hue_histogram(colours)
     fitted = points[sample(points, FITTED)]
@@ -73,7 +78,9 @@ def _pool(library: Mapping[str, Appearance], points: Array, colours: Array, supp
     for name in sorted(library):
         surface = library[name]
         if overlap(hues, hue_histogram(surface.colours)) >= SAME_HUES:
-            pool += _distinct(f for f in _fits(surface, fitted, support) if (f.distance < ON_SURFACE).sum() >= 5)
+            pool += _distinct(
+                f for f in _fits(surface, fitted, support, tipped) if (f.distance < ON_SURFACE).sum() >= 5
+            )
     return pool
 
 
@@ -86,23 +93,18 @@ def _distinct(candidates: Iterator[Fit]) -> list[Fit]:
     return kept
 
 
-def _fits(surface: Appearance, points: Array, support: float) -> list[Fit]:
+def _fits(surface: Appearance, points: Array, support: float, tipped: bool) -> list[Fit]:
     top = float(points[:, 2].max()) - support
     _, _, yaw = rectangle(points)
     places = _spread(points[:, :2], ANCHORS)
     found = []
-    for rest in range(len(rests(surface.model.shape.kind))):
+    for rest in range(len(rests(surface.model.shape.kind)) if tipped else 1):
         if resting_size(surface, rest)[2] > top + TOP_SLACK:
             continue
         angles = [0.0] if surface.is_round and rest == 0 else [yaw + k * np.pi / YAWS for k in range(YAWS)]
         starts = np.array([(x, y, angle) for x, y in places for angle in angles])
         found += fits(surface, rest, points, starts, support, rounds=ROUNDS)
-        if rest == 0 and max((f.distance < ON_SURFACE).mean() for f in found) > UPRIGHT_ENOUGH:
-            break
     return found
-
-
-UPRIGHT_ENOUGH = 0.15  # share of the group's points on an upright fit from which other rests are not tried
 
 
 def _spread(points: Array, count: int) -> Array:
