@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gap_cli.errors import SandboxError
-from gap_cli.sandbox import level, run_builder
+from gap_cli.sandbox import builder, level, run_builder
 from gap_cli.sandbox.server import ForkServer
 
 GRASP = """
@@ -121,3 +121,10 @@ def test_where_the_kernel_cannot_filter_nothing_runs_unless_told_so():
     assert "--unsafe-no-sandbox" in error.hint
     assert run_builder(GRASP, unsafe=True, server=helpless) == run_builder(GRASP)
     helpless.close()
+
+
+def test_a_jail_that_cannot_start_holds_nothing(monkeypatch):
+    broken = ForkServer("no_such_worker")
+    monkeypatch.setattr(builder, "builder_server", lambda: broken)
+    assert level() == "none"
+    assert "no_such_worker" in refused(GRASP).message
