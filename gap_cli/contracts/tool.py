@@ -182,6 +182,30 @@ def tool(
     return decorate
 
 
+def serves(contract: Tool, *, provider: str, deadline_s: float | None = None) -> Callable[[Callable[..., Any]], Tool]:
+    """Make another provider of a tool whose contract exists: same name, inputs, defaults, outputs and effect.
+
+    A docstring of the function's own says how this provider does it; without one the contract's stands. `deadline_s`
+    may differ: how long a call takes is the provider's. Raises TypeError when the inputs' names are not the contract's.
+    """
+
+    def decorate(function: Callable[..., Any]) -> Tool:
+        given = list(inspect.signature(function).parameters)
+        takes_context = given[:1] == ["ctx"]
+        wanted = [p.name for p in contract.spec.inputs]
+        if given[1 if takes_context else 0 :] != wanted:
+            raise TypeError(
+                f"{function.__name__}({', '.join(given)}) cannot serve {contract.spec.name!r}, "
+                f"whose inputs are {', '.join(wanted)}"
+            )
+        doc = inspect.getdoc(function) or contract.spec.doc
+        seconds = contract.spec.deadline_s if deadline_s is None else deadline_s
+        spec = replace(contract.spec, deadline_s=seconds, summary=doc.splitlines()[0], doc=doc)
+        return Tool(spec, function, takes_context, provider)
+
+    return decorate
+
+
 def result_types(annotation: Any, name: str) -> tuple[TypeRef | None, dict[str, TypeRef]]:
     """Split a return annotation into a bare output type or named field types.
 
