@@ -5,30 +5,69 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from gap_cli.errors import DocumentError, WorkflowError, did_you_mean
+from gap_cli.contracts.models import Document
+from gap_cli.errors import WorkflowError, did_you_mean
 from gap_cli.graph.findings import Finding
-from gap_cli.graph.load import parse_workflow
-from gap_cli.graph.model import Workflow
+from gap_cli.graph.load import check_values, parse_workflow
+from gap_cli.graph.model import SubgraphDef, Workflow
 
 DISAGREE = "W4"
+
+
+class Declaration(Document):
+    """What `declare_subgraph` says of one subgraph."""
+
+    skill: str
+    description: str = ""
+    stage: str | None = None
+    inputs: dict[str, str] = {}
+    outputs: dict[str, str] = {}
+    exit_success_values: list[str]
+    on_error: str
+    names: dict[str, str] = {}
+    parameters: dict[str, Any] = {}
+
+
+class Topology(Document):
+    """What `WorkflowSpec` says: the top level of a workflow, with declarations for definitions."""
+
+    version: int
+    meta: Any = {}
+    nodes: Any
+    edges: Any = []
+    conditional_edges: Any = {}
+    subgraphs: dict[str, Declaration]
+
+
+class Built(Document):
+    """What `to_dict()` of either builder gives; `def` is read on its own."""
+
+    kind: str
+    name: str
+    checkpoints: list[dict[str, Any]] = []
+    lines: dict[str, int] = {}
 
 
 def assemble(spec: Mapping[str, Any], subgraphs: Mapping[str, Mapping[str, Any]]) -> Workflow:
     """The workflow of `WorkflowSpec.to_dict()` and, by definition name, `Subgraph.to_dict()` of each.
 
     Raises `WorkflowError` with every disagreement: a subgraph not written, an input, exit or skill spelled otherwise
-    than declared. The meaning of the whole is still the validator's to check.
+    than declared; `DocumentError` where a part is not what a builder gives. The meaning of the whole is still the
+    validator's to check.
     """
-    topology = spec.get("def")
-    if not isinstance(topology, Mapping) or not isinstance(topology.get("subgraphs"), Mapping):
-        raise DocumentError("spec", "is not what WorkflowSpec.to_dict() gives")
-    declared: Mapping[str, Any] = topology["subgraphs"]
-    findings = [f for name in declared for f in _disagreements(name, declared[name], subgraphs.get(name))]
+    topology = Topology.load(_definition(spec, "spec"), "spec")
+    written = {
+        name: SubgraphDef.load(_definition(subgraphs[name], name), f"subgraph {name}")
+        for name in topology.subgraphs
+        if name in subgraphs
+    }
+    declared = topology.subgraphs
+    findings = [f for name, d in declared.items() for f in _disagreements(name, d, written.get(name))]
     findings += [_stray(name, declared) for name in subgraphs if name not in declared]
     if findings:
         raise WorkflowError(sorted(findings))
     joined = {name: _joined(declared[name], subgraphs[name]["def"]) for name in declared}
-    return parse_workflow({**topology, "subgraphs": joined}, "the assembled workflow")
+    return parse_workflow({**spec["def"], "subgraphs": joined}, "the assembled workflow")
 
 
 def assembled_lines(spec: Mapping[str, Any], subgraphs: Mapping[str, Mapping[str, Any]]) -> dict[str, int]:
@@ -39,38 +78,43 @@ def assembled_lines(spec: Mapping[str, Any], subgraphs: Mapping[str, Mapping[str
     return lines
 
 
-def _joined(declared: Mapping[str, Any], written: Mapping[str, Any]) -> dict[str, Any]:
-    kept = ("stage", "names", "parameters", "inputs")
+def _definition(data: Any, where: str) -> Any:
+    """The `def` of what a builder gives. Raises `DocumentError`."""
+    check_values(data, where)
+    rest = {k: v for k, v in data.items() if k != "def"} if isinstance(data, Mapping) else data
+    Built.load(rest, where)
+    return data.get("def")
+
+
+def _joined(declared: Declaration, written: Mapping[str, Any]) -> dict[str, Any]:
     return {
         **written,
-        "description": declared["description"] or written.get("description", ""),
-        **{key: declared[key] for key in kept},
-        "exit": {**written["exit"], "success_values": declared["exit_success_values"]},
+        "description": declared.description or written.get("description", ""),
+        "stage": declared.stage,
+        "names": declared.names,
+        "parameters": declared.parameters,
+        "inputs": declared.inputs,
+        "exit": {**written["exit"], "success_values": declared.exit_success_values},
     }
 
 
-def _disagreements(name: str, declared: Mapping[str, Any], subgraph: Any) -> Iterator[Finding]:
+def _disagreements(name: str, declared: Declaration, written: SubgraphDef | None) -> Iterator[Finding]:
     path = f"subgraphs.{name}"
-    if subgraph is None:
+    if written is None:
         yield Finding(path, DISAGREE, "is declared and was not written", "Write its subgraph, or drop the declaration.")
         return
-    written = subgraph.get("def") if isinstance(subgraph, Mapping) else None
-    if not isinstance(written, Mapping) or not isinstance(written.get("exit"), Mapping):
-        yield Finding(path, DISAGREE, "is not what Subgraph.to_dict() gives")
-        return
-    if _kebab(written.get("skill")) != _kebab(declared["skill"]):
-        yield _differ(f"{path}.skill", "skill", declared["skill"], written.get("skill"))
-    if written.get("on_error") != declared["on_error"]:
-        yield _differ(f"{path}.on_error", "on_error", declared["on_error"], written.get("on_error"))
-    exits = written["exit"].get("success_values")
-    if sorted(exits or ()) != sorted(declared["exit_success_values"]):
-        yield _differ(f"{path}.exit", "success exits", declared["exit_success_values"], exits)
-    if written.get("inputs") != declared["inputs"]:
-        yield _differ(f"{path}.inputs", "inputs", declared["inputs"], written.get("inputs"))
-    missing = [n for n in declared["outputs"] if n not in (written.get("outputs") or {})]
-    for output in missing:
-        hint = did_you_mean(output, written.get("outputs") or {}) if written.get("outputs") else "Call sg.set_outputs."
-        yield Finding(f"{path}.outputs", DISAGREE, f"output {output!r} is declared and not set", hint)
+    if _kebab(written.skill) != _kebab(declared.skill):
+        yield _differ(f"{path}.skill", "skill", declared.skill, written.skill)
+    if written.on_error != declared.on_error:
+        yield _differ(f"{path}.on_error", "on_error", declared.on_error, written.on_error)
+    if sorted(written.exit.success_values) != sorted(declared.exit_success_values):
+        yield _differ(f"{path}.exit", "success exits", declared.exit_success_values, written.exit.success_values)
+    if written.inputs != declared.inputs:
+        yield _differ(f"{path}.inputs", "inputs", declared.inputs, written.inputs)
+    for output in declared.outputs:
+        if output not in written.outputs:
+            hint = did_you_mean(output, written.outputs) if written.outputs else "Call sg.set_outputs."
+            yield Finding(f"{path}.outputs", DISAGREE, f"output {output!r} is declared and not set", hint)
 
 
 def _differ(path: str, what: str, declared: Any, written: Any) -> Finding:
@@ -83,11 +127,11 @@ def _stray(name: str, declared: Mapping[str, Any]) -> Finding:
     return Finding(f"subgraphs.{name}", DISAGREE, "was written and is not declared", hint)
 
 
-def _kebab(name: Any) -> str:
-    return str(name).replace("_", "-")
+def _kebab(name: str) -> str:
+    return name.replace("_", "-")
 
 
 def _shown(value: Any) -> str:
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{k}: {v}" for k, v in sorted(value.items())) + "}"
-    return ", ".join(map(str, value)) if isinstance(value, (list, tuple)) else repr(value)
+    return ", ".join(value) if isinstance(value, list) else repr(value)

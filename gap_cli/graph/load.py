@@ -32,7 +32,7 @@ def parse_workflow(data: Any, where: str) -> Workflow:
     what it means is for `validate` to judge."""
     if not isinstance(data, Mapping):
         raise DocumentError(where, f"a workflow is a mapping, not {_kind(data)}")
-    _check_values(data, where)
+    check_values(data, where)
     findings = _retired(data)
     if findings:
         raise WorkflowError(sorted(findings), what=where)
@@ -42,7 +42,7 @@ def parse_workflow(data: Any, where: str) -> Workflow:
         raise WorkflowError(_shape_findings(error), what=where) from None
 
 
-def _check_values(data: Any, where: str) -> None:
+def check_values(data: Any, where: str) -> None:
     """Refuse what no later walk should meet: depth, sheer number, numbers that are not finite, keys not text."""
     stack: list[tuple[Any, int]] = [(data, 0)]
     seen = 0

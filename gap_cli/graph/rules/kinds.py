@@ -11,7 +11,8 @@ from gap_cli.graph.migrate import RETIRED, migration
 from gap_cli.graph.model import VERSION, Node, SubgraphDef, Workflow
 from gap_cli.graph.scope import Scope, Whole
 
-MAX_NODES, MAX_ARCS, MAX_TOTAL = 500, 2000, 10_000
+MAX_NODES, MAX_ARCS, MAX_TOTAL, MAX_NAMES = 500, 2000, 10_000, 100
+_FEWER = f"At most {MAX_NAMES} are allowed."
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}")
 _RESERVED = {"START", "END", "in", "param"}
 _COMMON = {"type", "description", "max_visits"}
@@ -106,16 +107,24 @@ def _names(path: str, names: Mapping[str, object], *, whole_path: bool = False) 
 
 def w6_size(workflow: Workflow) -> list[Finding]:
     """W6: more than anyone could review. Nothing else is looked at then."""
-    found = []
     graphs: dict[str, Workflow | SubgraphDef] = {"nodes": workflow}
     graphs |= {f"subgraphs.{n}.nodes": d for n, d in workflow.subgraphs.items()}
-    total = 0
+    found, total = [], 0
     for path, graph in graphs.items():
         arcs = len(graph.edges) + sum(len(r.mapping) for r in graph.conditional_edges.values())
         total += len(graph.nodes) + arcs
         if len(graph.nodes) > MAX_NODES or arcs > MAX_ARCS:
             message = f"{len(graph.nodes)} nodes and {arcs} edges; a graph may have {MAX_NODES} and {MAX_ARCS}"
             found.append(Finding(path, "W6", message, "Split the task into more subgraphs."))
+        found += [
+            Finding(f"{path}.{name}", "W6", f"{len(node.inputs) + len(node.recovery)} inputs or calls", _FEWER)
+            for name, node in graph.nodes.items()
+            if len(node.inputs) + len(node.recovery) > MAX_NAMES
+        ]
+    for name, d in workflow.subgraphs.items():
+        count = max(map(len, (d.inputs, d.outputs, d.names, d.parameters, d.exit.success_values)))
+        if count > MAX_NAMES:
+            found.append(Finding(f"subgraphs.{name}", "W6", f"{count} inputs, outputs or exits", _FEWER))
     if not found and total > MAX_TOTAL:
         found.append(Finding("subgraphs", "W6", f"{total} nodes and edges in all; a workflow may have {MAX_TOTAL}"))
     return found
