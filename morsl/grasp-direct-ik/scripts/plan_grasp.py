@@ -13,8 +13,9 @@ from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.tool import ScriptContext
 from gap_cli.contracts.types import WORLD, OrientedBoundingBox, Quaternion, Se3Pose, Vec3, WorldConfig
 
-STEP = 0.01  # m between grasps tried along the object
-TILT_STEP = 15.0  # degrees between the ways down tried
+STEP = 0.0065  # m between grasps tried along the object
+TILT_STEP = 7.5  # degrees between the ways down tried
+ELONGATED = 1.2  # side ratio below which a footprint may be round, and a pad off its middle would squeeze it out
 EDGE = 0.004  # m between a pad and the object's edge
 AROUND = 0.35  # m: farther points cannot meet the hand
 
@@ -54,7 +55,7 @@ def run(
     pass_over: float = 0.03,
     grasp_depth: float = 0.5,
     max_shift: float = 0.03,
-    max_tilt_deg: float = 30.0,
+    max_tilt_deg: float = 22.5,
     jaw_margin: float = 0.003,
     support_clearance: float = 0.004,
     palm_clearance: float = 0.006,
@@ -113,7 +114,8 @@ def proposals(
 
 def shifts(spec: RobotSpec, obb: OrientedBoundingBox, pose: Se3Pose, most: float) -> list[float]:
     """Distances [m] from the object's middle, along the pads, at which a whole pad still meets the object."""
-    limit = min(most, extent(obb, pose, [1.0, 0.0, 0.0]) / 2 - spec.gripper.finger_size[1] - EDGE)
+    long, wide = extent(obb, pose, [1.0, 0.0, 0.0]), extent(obb, pose, [0.0, 1.0, 0.0])
+    limit = min(most, long / 2 - spec.gripper.finger_size[1] - EDGE) if long > ELONGATED * wide else 0.0
     return [0.0, *(float(s) for s in np.arange(STEP, limit + 1e-9, STEP))]
 
 
