@@ -25,7 +25,8 @@ class Document(BaseModel):
 
 def _document_error(model: type[BaseModel], error: ValidationError, where: str) -> DocumentError:
     problems = error.errors(include_url=False)
-    first = problems[0]
+    # A misspelled key is also a missing one; naming the misspelling helps more.
+    first = next((p for p in problems if p["type"] == "extra_forbidden"), problems[0])
     path = ".".join(str(p) for p in first["loc"]) or "the document"
     hint = ""
     if first["type"] == "extra_forbidden":
