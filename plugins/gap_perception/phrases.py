@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gap_perception.vocabulary import Vocabulary
 
@@ -49,7 +49,7 @@ def read_phrase(text: str, vocabulary: Vocabulary) -> Phrase | None:
     names = vocabulary.resolve(clean)
     if names:
         return Phrase(text, names)
-    return _with_relation(text, clean, vocabulary) or _with_place(text, clean, vocabulary)
+    return _with_place(text, clean, vocabulary) or _with_relation(text, clean, vocabulary)
 
 
 def read_relation(text: str) -> tuple[str, str, str] | None:
@@ -73,7 +73,8 @@ def _with_relation(text: str, clean: str, vocabulary: Vocabulary) -> Phrase | No
         return None
     subject, relation, reference = parts
     names, others = vocabulary.resolve(subject), vocabulary.resolve(reference)
-    return Phrase(text, names, None, relation, others) if names and others else None
+    placed = Phrase(text, names) if names else _with_place(text, subject, vocabulary)
+    return replace(placed, relation=relation, reference=others) if placed and others else None
 
 
 def _with_place(text: str, clean: str, vocabulary: Vocabulary) -> Phrase | None:

@@ -75,7 +75,8 @@ class Vocabulary:
         if word in known or len(word) < 4:
             return word
         near = difflib.get_close_matches(word, known, n=1, cutoff=0.8)
-        return near[0] if near else word
+        # Who mistypes a word seldom gets its first letter wrong; without that, "right" would be read as "upright".
+        return near[0] if near and near[0][0] == word[0] else word
 
 
 def tokens(text: str) -> list[str]:

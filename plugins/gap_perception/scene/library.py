@@ -61,7 +61,11 @@ def build_library(task: Task) -> dict[str, Appearance]:
 def learn(name: str, model: ObjectModel, views: Sequence[Any]) -> Appearance:
     """Fuse views of one model (each with `observation`, `mask`, `yaw_deg`) into surface points on a grid."""
     parts = [_surface(v.observation, v.mask.data, v.yaw_deg) for v in views]
-    points, normals, colours, weights = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return fuse(name, model, *(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def fuse(name: str, model: ObjectModel, points: Array, normals: Array, colours: Array, weights: Array) -> Appearance:
+    """Average samples of a model's surface, each (N, 3), over a grid, by their `weights` (N,)."""
     origin = points.min(axis=0) - PAD
     shape = np.ceil((points.max(axis=0) + PAD - origin) / CELL).astype(int) + 1
     cells = np.ravel_multi_index(tuple(((points - origin) / CELL).astype(int).T), shape)

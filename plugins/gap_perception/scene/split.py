@@ -40,7 +40,9 @@ def split(
     chosen = sample(part.points, LOOKED_AT)
     points, colours = part.points[chosen], part.colours[chosen]
     pool = _pool(library, points, colours, float(np.median(part.support)), tipped)
-    near = np.array([f.surface_distance(points) < ON_SURFACE for f in pool]).reshape(len(pool), len(points))
+    if not pool:
+        return []
+    near = np.array([f.surface_distance(points) < ON_SURFACE for f in pool])
     scale = len(part.points) / len(points)
     rest, left = np.arange(len(part.points)), np.ones(len(points), dtype=bool)
     found: list[tuple[Array, Match]] = []

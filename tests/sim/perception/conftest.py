@@ -1,0 +1,52 @@
+"""One cell with every grocery, its objects arranged by seed, shared by all perception tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gap_cli.contracts.privilege import node_scope
+from gap_cli.contracts.task import load_task
+from gap_cli.plugins import load_registry
+from gap_perception.bench import Cell
+from gap_perception.bench_scenes import LEVELS, SCENE, bench_task, sample_scene
+
+TASK = Path(__file__).parents[3] / "tasks" / "fulfill-grocery"
+SEED = 1  # seven objects in view, a development seed
+
+
+@pytest.fixture(scope="session")
+def registry():
+    return load_registry(only=["gap_mujoco", "gap_robots", "gap_perception", "gap_geometry"], entry_points=False)
+
+
+@pytest.fixture(scope="session")
+def cell(registry):
+    task = bench_task(load_task(TASK))
+    robots = {p.model: registry.robot(p.model) for p in task.robots}
+    world = registry.worlds["mujoco"].value(task, SCENE, robots)
+    yield Cell(world, task, robots, registry.tools)
+    world.close()
+
+
+@pytest.fixture(scope="session")
+def present(cell):
+    """Names of the objects in view."""
+    instance, names = sample_scene(cell.task, LEVELS[1], SEED)
+    cell.world.reset(instance)
+    return names
+
+
+@pytest.fixture(scope="session")
+def truth(cell, present):
+    """Ground truth, for judging only."""
+    return cell.world.snapshot()
+
+
+@pytest.fixture
+def cameras(cell, present):
+    """What a policy sees, remembered as its first observation; the test runs as a policy node."""
+    cell.state.clear()
+    with node_scope("test"):
+        yield cell.tool("observation.GetObservation").cameras

@@ -1,0 +1,107 @@
+import numpy as np
+import pytest
+
+from gap_cli.contracts.types import BoundingBox2D, Image
+from gap_perception.bench import true_mask
+
+pytestmark = pytest.mark.sim
+
+
+def label(cell, name):
+    return cell.task.objects[name].label
+
+
+def iou(a, b):
+    return np.count_nonzero(a & b) / np.count_nonzero(a | b)
+
+
+def test_every_object_in_view_is_found_once_and_no_other(cell, cameras, present):
+    for name in cell.task.objects:
+        found = cell.tool("grounding_dino.Detect", image=cameras[0].rgb, text_prompt=label(cell, name))
+        assert len(found) == (name in present), name
+        assert all(d.score > 0.8 and d.label == label(cell, name) for d in found)
+
+
+def test_detection_and_segmentation_cover_the_object(cell, cameras, present, truth):
+    for camera in cameras:
+        for name in present:
+            true = true_mask(cell, truth, name, camera, present)
+            found = cell.tool("grounding_dino.Detect", image=camera.rgb, text_prompt=label(cell, name))
+            if true.sum() < 200:
+                continue
+            masks, scores = cell.tool("sam3.SegmentBox", image=camera.rgb, box=found[0].box)
+            assert iou(masks[0].data, true) > 0.9 and scores[0] > 0.9, (camera.name, name)
+
+
+def test_the_fused_cloud_gives_the_box(cell, cameras, present, truth):
+    for name in present:
+        clouds = []
+        for camera in cameras:
+            for d in cell.tool("grounding_dino.Detect", image=camera.rgb, text_prompt=label(cell, name)):
+                mask = cell.tool("sam3.SegmentBox", image=camera.rgb, box=d.box).masks[0]
+                clouds.append(
+                    cell.tool(
+                        "geometry_svc.MaskToWorldPoints", mask=mask, depth=camera.depth,
+                        intrinsics=camera.intrinsics, camera_pose=camera.pose,
+                    ).points
+                )  # fmt: skip
+        points, body = np.concatenate(clouds), truth.bodies[name]
+        half = np.abs(body.box.orientation.rotation.as_matrix()) @ body.box.extent.array
+        assert np.all(np.abs(points - body.box.center.array) <= half + 0.002), name
+        assert np.allclose(points.max(axis=0) - points.min(axis=0), 2 * half, atol=0.025), name
+
+
+def test_phrases_are_periods_apart_and_unknown_ones_find_nothing(cell, cameras):
+    found = cell.tool("grounding_dino.Detect", image=cameras[0].rgb, text_prompt="unicorn. basket. ")
+    assert [d.label for d in found] == ["basket"]
+
+
+def test_owlvit_answers_as_grounding_dino(cell, cameras):
+    a = cell.tool("grounding_dino.Detect", image=cameras[0].rgb, text_prompt="basket.")
+    assert a == cell.tool("owlvit.Detect", image=cameras[0].rgb, text_queries=["basket"])
+
+
+def test_text_point_and_box_give_the_same_segment(cell, cameras):
+    image = cameras[0].rgb
+    by_text = cell.tool("sam3.SegmentText", image=image, text_prompt="basket")
+    x, y, found = cell.tool("molmo.PointPrompt", image=image, object_name="basket")
+    assert found and by_text.masks[0].data[y, x]
+    for point in ("sam2.SegmentPoint", "sam3.SegmentPoint"):
+        assert cell.tool(point, image=image, pixel_x=x, pixel_y=y).masks == by_text.masks
+    for box in ("sam2.SegmentBox", "sam3.SegmentBox"):
+        assert cell.tool(box, image=image, box=by_text.boxes[0]).masks[:1] == by_text.masks
+
+
+def test_a_box_on_a_part_gives_the_part(cell, cameras):
+    image = cameras[0].rgb
+    whole = cell.tool("sam3.SegmentText", image=image, text_prompt="basket").masks[0].data
+    x, y, _ = cell.tool("molmo.PointPrompt", image=image, object_name="basket")
+    part = BoundingBox2D(x - 8, y - 8, x + 8, y + 8)
+    mask = cell.tool("sam3.SegmentBox", image=image, box=part).masks[0].data
+    assert 0 < mask.sum() <= 16 * 16 and not (mask & ~whole).any()
+
+
+def test_the_bare_floor_is_no_segment(cell, cameras):
+    image, rows = cameras[0].rgb, cameras[0].rgb.data.shape[0]
+    corner = BoundingBox2D(5, rows - 40, 60, rows - 5)
+    assert cell.tool("sam3.SegmentBox", image=image, box=corner).masks == []
+    assert cell.tool("sam3.SegmentPoint", image=image, pixel_x=20, pixel_y=rows - 20).masks == []
+
+
+def test_a_crop_shows_what_was_cut_out(cell, cameras):
+    image = cameras[0].rgb
+    box = cell.tool("grounding_dino.Detect", image=image, text_prompt="basket")[0].box
+    x0, y0, x1, y1 = (int(v) for v in (box.x_min, box.y_min, box.x_max, box.y_max))
+    crop = Image(image.data[y0:y1, x0:x1])
+    inside = cell.tool("grounding_dino.Detect", image=crop, text_prompt="basket")[0].box
+    assert inside == BoundingBox2D(0, 0, x1 - x0, y1 - y0)
+    assert cell.tool("vlm.Query", prompt="What is this?", image=crop) == "basket"
+
+
+def test_an_image_never_observed_is_judged_by_colour_and_less_surely(cell, cameras, present):
+    known = cell.tool("grounding_dino.Detect", image=cameras[1].rgb, text_prompt="basket")
+    cell.state.clear()
+    unknown = cell.tool("grounding_dino.Detect", image=cameras[1].rgb, text_prompt="basket")
+    assert 0.2 < unknown[0].score < known[0].score
+    a, b = (np.array([d.box.x_min, d.box.y_min, d.box.x_max, d.box.y_max]) for d in (known[0], unknown[0]))
+    assert np.abs(a - b).max() < 12
