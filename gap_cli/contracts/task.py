@@ -52,17 +52,27 @@ class CameraPlacement(Document):
 
 
 class Shape(Document):
-    """Full outer size [m] in the standing pose; `open_box` has walls and a floor and is open at the top."""
+    """Full outer size [m] in the standing pose.
 
-    kind: Literal["box", "cylinder", "open_box"]
+    `open_box`, `pan` and `mug` have walls and a floor and are open at the top. A pan and a mug are round, as wide as
+    their y size; the rest of the x size is a handle, `handle` = its width and its thickness.
+    """
+
+    kind: Literal["box", "cylinder", "open_box", "pan", "mug"]
     size: tuple[Positive, Positive, Positive]
     wall: Positive | None = None
     floor: Positive | None = None
+    handle: tuple[Positive, Positive] | None = None
 
     @model_validator(mode="after")
     def _walls(self) -> Shape:
-        if (self.kind == "open_box") != (self.wall is not None and self.floor is not None):
-            raise ValueError("wall and floor are for kind open_box, and needed there")
+        hollow, held = self.kind in ("open_box", "pan", "mug"), self.kind in ("pan", "mug")
+        if hollow != (self.wall is not None and self.floor is not None):
+            raise ValueError("wall and floor are for kinds open_box, pan and mug, and needed there")
+        if held != (self.handle is not None):
+            raise ValueError("handle is for kinds pan and mug, and needed there")
+        if held and self.size[0] <= self.size[1]:
+            raise ValueError(f"a {self.kind} is longer (x) than wide (y): the difference is its handle")
         return self
 
 

@@ -13,24 +13,11 @@ from gap_cli.contracts.types import Array
 from gap_mujoco.labels import draw_side, draw_top, draw_weave
 from gap_mujoco.loft import Mesh, Section, face_widths, loft_cap, loft_side
 from gap_mujoco.looks import Looks, rgb
+from gap_mujoco.parts import Part
+from gap_mujoco.vessels import vessel_cavity, vessel_parts
 
 SEEN, FELT = 2, 3  # geom groups: what cameras draw, and what collides
 _CAP_SHARE = 0.62  # a bottle's cap, as a share of its narrower side
-
-
-class Part(NamedTuple):
-    """One collision primitive: MuJoCo type, its size parameters [m] and its centre in the object's frame [m]."""
-
-    kind: str
-    size: tuple[float, ...]
-    centre: tuple[float, float, float]
-
-    @property
-    def volume(self) -> float:
-        """[m^3]."""
-        if self.kind == "cylinder":
-            return float(2 * np.pi * self.size[0] ** 2 * self.size[1])
-        return float(8 * np.prod(self.size))
 
 
 class Form(NamedTuple):
@@ -70,8 +57,8 @@ def build_object(name: str, model: ObjectModel) -> mjcf.RootElement:
     total = sum(p.volume for p in parts)
     for part in parts:
         root.worldbody.add(
-            "geom", type=part.kind, size=part.size, pos=part.centre, group=FELT, mass=model.mass * part.volume / total,
-            friction=(model.friction, 0.005, 0.0001), condim=4, solref=(0.006, 1), solimp=(0.95, 0.99, 0.001),
+            "geom", type=part.kind, size=part.size, pos=part.centre, quat=part.quaternion, group=FELT,
+            mass=model.mass * part.volume / total, friction=(model.friction, 0.005, 0.0001), condim=4, solref=(0.006, 1), solimp=(0.95, 0.99, 0.001),
         )  # fmt: skip
     _dress(root, model.shape, looks, parts)
     return root
@@ -82,6 +69,8 @@ def collision_parts(shape: Shape, looks: Looks) -> list[Part]:
     x, y, z = shape.size
     if shape.kind == "open_box":
         return _open_box(shape, looks.rim)
+    if shape.kind in ("pan", "mug"):
+        return vessel_parts(shape)
     if shape.kind == "cylinder":
         return [Part("cylinder", (x / 2, z / 2), (0, 0, 0))]
     parts = []
@@ -94,7 +83,9 @@ def collision_parts(shape: Shape, looks: Looks) -> list[Part]:
 
 
 def cavity(shape: Shape) -> tuple[Array, Array]:
-    """Centre and half-extents, in the object's frame, of the free space inside an open box [m]."""
+    """Centre and half-extents, in the object's frame, of the free space inside a container [m]."""
+    if shape.kind in ("pan", "mug"):
+        return vessel_cavity(shape)
     x, y, z = shape.size
     wall, floor = shape.wall or 0.0, shape.floor or 0.0
     return np.array([0, 0, floor / 2]), np.array([x / 2 - wall, y / 2 - wall, (z - floor) / 2])
@@ -129,6 +120,10 @@ def _dress(root: mjcf.RootElement, shape: Shape, looks: Looks, parts: list[Part]
         weave = _material(root, "weave", draw_weave(looks), cube=True)
         _paint(root, parts[:5], material=weave)
         _paint(root, parts[5:], rgba=_rgba(looks.cap))
+    elif shape.handle is not None:
+        grip = len(parts) - (1 if shape.kind == "pan" else 3)
+        _paint(root, parts[:grip], rgba=_rgba(looks.base))
+        _paint(root, parts[grip:], rgba=_rgba(looks.accent))
     elif looks.style == "plain":
         _paint(root, parts, rgba=_rgba(looks.base))
     else:
@@ -156,7 +151,9 @@ def _mesh(root: mjcf.RootElement, name: str, mesh: Mesh, material: Any) -> None:
 
 def _paint(root: mjcf.RootElement, parts: list[Part], **look: Any) -> None:
     for part in parts:
-        root.worldbody.add("geom", type=part.kind, size=part.size, pos=part.centre, **look, **_UNFELT)
+        root.worldbody.add(
+            "geom", type=part.kind, size=part.size, pos=part.centre, quat=part.quaternion, **look, **_UNFELT
+        )
 
 
 def _material(root: mjcf.RootElement, name: str, image: Array, *, cube: bool = False) -> Any:

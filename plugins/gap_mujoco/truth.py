@@ -51,7 +51,7 @@ class Truth:
         orientation = Quaternion.of(Rotation.from_matrix(R))
         box = OrientedBoundingBox(Vec3.of(position), Vec3.of(np.array(shape.size) / 2), orientation)
         hollow = None
-        if shape.kind == "open_box":
+        if shape.wall is not None:
             centre, half = cavity(shape)
             hollow = OrientedBoundingBox(Vec3.of(position + R @ centre), Vec3.of(half), orientation)
         velocity = data.qvel[self._dof(body)]
