@@ -16,9 +16,11 @@ from gap_cli.commands.generate import generate
 from gap_cli.commands.plan import plan
 from gap_cli.commands.rehearse import rehearse
 from gap_cli.commands.report import report
+from gap_cli.commands.run import run
 from gap_cli.commands.tasks import tasks
 from gap_cli.commands.tools import tools
 from gap_cli.commands.validate import validate
+from gap_cli.commands.view import view
 
 app = typer.Typer(
     name="gap",
@@ -35,6 +37,8 @@ app.command(rich_help_panel=PIPELINE)(generate)
 app.command(rich_help_panel=PIPELINE)(validate)
 app.command(rich_help_panel=PIPELINE)(rehearse)
 app.command(rich_help_panel=PIPELINE)(report)
+app.command(rich_help_panel=PIPELINE)(run)
+app.command(rich_help_panel=PIPELINE)(view)
 app.command(rich_help_panel=PIPELINE)(demo)
 app.command(rich_help_panel=LIBRARY)(tools)
 app.command(rich_help_panel=LIBRARY)(tasks)
@@ -60,7 +64,7 @@ def main() -> None:
     """Run the command line. Exit codes: 0 done, 1 the user's input, 2 usage, 3 a bug, 130 interrupted."""
     edge.tolerate_any_terminal()
     try:
-        app()
+        app(prog_name="gap")
     except SystemExit:
         raise
     except BaseException as error:

@@ -28,13 +28,12 @@ class Emitter:
     def __bool__(self) -> bool:
         return bool(self._observers)
 
-    def emit(self, kind: EventKind, path: str, at: float | None = None, /, **data: Any) -> None:
+    def emit(self, kind: EventKind, path: str, /, **data: Any) -> None:
         """Send one event. An observer that raises is dropped; if it is `essential` the run ends with its error."""
         if not self._observers:
             return
         world_time = None if self._world is None else self._world.time
-        t = (monotonic() if at is None else at) - self._start
-        event = Event(self._seq, t, kind, path, world_time, MappingProxyType(data))
+        event = Event(self._seq, monotonic() - self._start, kind, path, world_time, MappingProxyType(data))
         self._seq += 1
         for observer in tuple(self._observers):
             try:
@@ -47,16 +46,17 @@ class Emitter:
                 log.warning("observer %r dropped: %s", observer, error)
 
     def attempt_ended(self, attempt: Attempt) -> None:
-        """The buffered tool calls of a node, then how it ended."""
+        """The buffered tool calls of a node, then how it ended. `began` is in seconds since the run began."""
         path = attempt.node.path
         for name, start, data in attempt.calls or ():
-            self.emit("tool_called", path, start, tool=name, inputs=MappingProxyType(data["inputs"]))
-            self.emit(
-                "tool_returned", path, start + data["duration_s"], **{k: v for k, v in data.items() if k != "inputs"}
-            )
+            began = start - self._start
+            rest = {k: v for k, v in data.items() if k not in ("inputs", "tool")}
+            self.emit("tool_called", path, tool=name, began=began, inputs=MappingProxyType(data["inputs"]))
+            self.emit("tool_returned", path, tool=name, began=began, **rest)
         numbers = {
             "attempt": attempt.id,
             "inputs": MappingProxyType(attempt.inputs),
+            "began": attempt.started - self._start if attempt.started else None,
             "duration_s": max(0.0, attempt.ended - attempt.started) if attempt.started else 0.0,
             "compute_s": attempt.compute_s,
             "send": attempt.send and attempt.send[1],

@@ -1,0 +1,1 @@
+"""A graph for people: Mermaid, a terminal tree, and a page with what happened in a run."""

@@ -1,0 +1,103 @@
+"""What happened in a run, read back from its trace: every visit of every node, in order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+ENDINGS = {"node_finished": "finished", "node_failed": "failed", "node_cancelled": "cancelled"}
+
+
+@dataclass
+class Visit:
+    """One attempt at a node. Times in seconds since the run began; `data` holds previews of inputs, output, calls."""
+
+    path: str
+    callee: str
+    start: float
+    world_start: float | None
+    end: float | None = None
+    world_end: float | None = None
+    status: str = "running"
+    compute_s: float = 0.0
+    error: str = ""
+    send: int | None = None
+    data: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def world_s(self) -> float:
+        """World time that passed while it ran."""
+        return 0.0 if self.world_start is None or self.world_end is None else self.world_end - self.world_start
+
+
+@dataclass
+class Story:
+    """A run as its trace tells it. `clock` pairs seconds since the start with world time, in order."""
+
+    visits: list[Visit] = field(default_factory=list)
+    exits: dict[str, list[str]] = field(default_factory=dict)
+    passes: list[dict[str, Any]] = field(default_factory=list)
+    clock: list[tuple[float, float]] = field(default_factory=list)
+    status: str = ""
+    end: str = ""
+    error: str = ""
+    seed: int | None = None
+    duration: float = 0.0
+
+    @property
+    def latest(self) -> dict[str, Visit]:
+        """The last visit of each node by path."""
+        return {visit.path: visit for visit in self.visits}
+
+
+def read_story(rows: Iterable[Mapping[str, Any]]) -> Story:
+    """From the rows of a trace (see `trace.Tracer`)."""
+    story = Story()
+    open_: dict[Any, Visit] = {}
+    for row in rows:
+        if "kind" not in row:
+            continue
+        t, world, data = float(row["t"]), row.get("world_time"), row.get("data", {})
+        story.duration = max(story.duration, t)
+        if world is not None:
+            story.clock.append((t, float(world)))
+        _read(story, open_, row["kind"], row["path"], t, world, data)
+    return story
+
+
+def _read(
+    story: Story, open_: dict[Any, Visit], kind: str, path: str, t: float, world: float | None, data: Mapping[str, Any]
+) -> None:
+    match kind:
+        case "run_started":
+            story.seed = data.get("seed")
+        case "run_finished":
+            story.status, story.end, story.error = data.get("status", ""), data.get("end", ""), data.get("error", "")
+        case "subgraph_entered":
+            story.passes.append({"name": path, "start": t, "end": None, "exit": ""})
+        case "subgraph_exited":
+            story.exits.setdefault(path, []).append(data.get("exit", ""))
+            for entry in reversed(story.passes):
+                if entry["name"] == path and entry["end"] is None:
+                    entry |= {"end": t, "exit": data.get("exit", "")}
+                    break
+        case "node_started":
+            visit = Visit(path, data.get("callee", ""), t, world)
+            open_[data.get("attempt")] = visit
+            story.visits.append(visit)
+        case "tool_called" | "tool_returned":
+            visit = next(v for v in reversed(story.visits) if v.path == path)
+            calls = visit.data.setdefault("calls", [])
+            if kind == "tool_called":
+                calls.append(dict(data))
+            elif calls:
+                calls[-1] |= data
+        case _ if kind in ENDINGS and data.get("attempt") in open_:
+            visit = open_.pop(data.get("attempt"))
+            visit.status, visit.end, visit.world_end = ENDINGS[kind], t, world
+            if data.get("began") is not None:
+                visit.start, visit.end = data["began"], data["began"] + data["duration_s"]
+            visit.compute_s, visit.send = data.get("compute_s", 0.0), data.get("send")
+            visit.error = data.get("error", "") or ""
+            visit.data |= {k: data[k] for k in ("inputs", "output", "reason") if k in data}
