@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from gap_cli.contracts.failures import BadRequestError
 from gap_cli.contracts.tool import ToolContext, tool
@@ -12,10 +13,16 @@ from gap_perception.frames import DEADLINE_S
 MAX_PHRASES = 64
 
 
+class Detections(NamedTuple):
+    """What was found, best first."""
+
+    detections: list[Detection]
+
+
 @tool("grounding_dino.Detect", deadline_s=DEADLINE_S)
 def grounding_dino_detect(
     ctx: ToolContext, image: Image, text_prompt: str, box_threshold: float = 0.20, text_threshold: float = 0.20
-) -> list[Detection]:
+) -> Detections:
     """Find what the period-separated phrases of `text_prompt` name; best first, nothing for what is not there.
 
     A phrase may hold a name, synonym, attributes, and a place or relation ("red can left of the basket"). `label` is
@@ -28,9 +35,7 @@ def grounding_dino_detect(
 
 
 @tool("owlvit.Detect", deadline_s=DEADLINE_S)
-def owlvit_detect(
-    ctx: ToolContext, image: Image, text_queries: list[str], score_threshold: float = 0.05
-) -> list[Detection]:
+def owlvit_detect(ctx: ToolContext, image: Image, text_queries: list[str], score_threshold: float = 0.05) -> Detections:
     """Find what each of `text_queries` names; best first. Scores mean what they mean in `grounding_dino.Detect`.
 
     Raises `BadRequestError` for no queries or a threshold outside 0 to 1.
@@ -40,7 +45,7 @@ def owlvit_detect(
 
 def _detect(
     ctx: ToolContext, image: Image, phrases: Sequence[str], box_threshold: float, text_threshold: float
-) -> list[Detection]:
+) -> Detections:
     from gap_perception.phrases import read_phrase
     from gap_perception.relations import matches
     from gap_perception.views import see
@@ -62,7 +67,7 @@ def _detect(
         if phrase is None or max(phrase.names.values()) < text_threshold:
             continue
         found += [Detection(c.bounds, text, score) for score, c in matches(view, phrase, box_threshold)]
-    return sorted(found, key=lambda d: (-d.score, d.label, d.box.x_min, d.box.y_min))
+    return Detections(sorted(found, key=lambda d: (-d.score, d.label, d.box.x_min, d.box.y_min)))
 
 
 TOOLS = (grounding_dino_detect, owlvit_detect)

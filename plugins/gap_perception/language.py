@@ -12,6 +12,18 @@ from gap_perception.frames import DEADLINE_S, find, latest
 MAX_PROMPT = 8000  # characters
 
 
+class Reply(NamedTuple):
+    """What was answered."""
+
+    text: str
+
+
+class Verdict(NamedTuple):
+    """Yes or no."""
+
+    answer: bool
+
+
 class Pointed(NamedTuple):
     """A pixel on the object, x to the right and y down; (0, 0) where `found` is false."""
 
@@ -21,7 +33,7 @@ class Pointed(NamedTuple):
 
 
 @tool("vlm.Query", deadline_s=DEADLINE_S)
-def vlm_query(ctx: ToolContext, prompt: str, image: Image | None = None) -> str:
+def vlm_query(ctx: ToolContext, prompt: str, image: Image | None = None) -> Reply:
     """Answer a question about an image (default: the latest observation's first camera) in as few words as it takes.
 
     Understood: is there / how many / what objects; what is this (a crop); is A left of, right of, in front of, behind,
@@ -30,28 +42,30 @@ def vlm_query(ctx: ToolContext, prompt: str, image: Image | None = None) -> str:
     "cannot answer: ..." with the reason.
     Raises `BadRequestError` for an empty prompt, or without an image when nothing was observed yet.
     """
-    return _ask(ctx, prompt, image)
+    return Reply(_ask(ctx, prompt, image))
 
 
 @tool("vlm.QueryYesNo", deadline_s=DEADLINE_S)
-def vlm_query_yes_no(ctx: ToolContext, prompt: str, image: Image | None = None) -> bool:
+def vlm_query_yes_no(ctx: ToolContext, prompt: str, image: Image | None = None) -> Verdict:
     """Answer a yes-no question about an image (default: the latest observation's first camera).
 
     Raises `PerceptionError` (`cannot_answer`) for a question beyond this provider, `BadRequestError` as `vlm.Query`.
     """
-    return _yes_no(ctx, prompt, image)
+    return Verdict(_yes_no(ctx, prompt, image))
 
 
 @tool("molmo.Query", deadline_s=DEADLINE_S)
-def molmo_query(ctx: ToolContext, prompt: str, image: Image | None = None, use_multiview: bool = False) -> str:
+def molmo_query(ctx: ToolContext, prompt: str, image: Image | None = None, use_multiview: bool = False) -> Reply:
     """As `vlm.Query`; with `use_multiview`, the first camera of the image's observation that gives an answer counts."""
-    return _ask(ctx, prompt, image, every=use_multiview)
+    return Reply(_ask(ctx, prompt, image, every=use_multiview))
 
 
 @tool("molmo.QueryYesNo", deadline_s=DEADLINE_S)
-def molmo_query_yes_no(ctx: ToolContext, prompt: str, image: Image | None = None, use_multiview: bool = False) -> bool:
+def molmo_query_yes_no(
+    ctx: ToolContext, prompt: str, image: Image | None = None, use_multiview: bool = False
+) -> Verdict:
     """As `vlm.QueryYesNo`; with `use_multiview`, yes in any camera of the image's observation is yes."""
-    return _yes_no(ctx, prompt, image, every=use_multiview)
+    return Verdict(_yes_no(ctx, prompt, image, every=use_multiview))
 
 
 @tool("molmo.PointPrompt", deadline_s=DEADLINE_S)

@@ -17,6 +17,12 @@ class Sensed(NamedTuple):
     arm_states: list[ArmState]
 
 
+class CameraPose(NamedTuple):
+    """T_world_camera (optical)."""
+
+    pose: Annotated[Se3Pose, WORLD]
+
+
 @tool("observation.GetObservation", effect="sense")
 def get_observation(ctx: ToolContext) -> Sensed:
     """Read every camera (RGB-D, calibrated) and every arm, all at one instant.
@@ -29,11 +35,11 @@ def get_observation(ctx: ToolContext) -> Sensed:
 
 
 @tool("observation.GetCameraPose", effect="sense")
-def get_camera_pose(ctx: ToolContext, camera_name: str) -> Annotated[Se3Pose, WORLD]:
+def get_camera_pose(ctx: ToolContext, camera_name: str) -> CameraPose:
     """T_world_camera (optical) of one camera, from calibration and forward kinematics. Raises `UnknownNameError`."""
     if camera_name not in ctx.world.camera_names:
         raise UnknownNameError("camera", camera_name, ctx.world.camera_names)
-    return ctx.world.camera_pose(camera_name)
+    return CameraPose(ctx.world.camera_pose(camera_name))
 
 
 TOOLS = (get_observation, get_camera_pose)

@@ -53,7 +53,7 @@ def run(
             text_prompt=f"{object_name}.",
             box_threshold=box_threshold,
             text_threshold=text_threshold,
-        )
+        ).detections
         best = max([best, *(d.score for d in found)])
         detection = select(ctx, camera, [d for d in found if d.score >= min_score], object_name, prompt)
         view = None if detection is None else lift(ctx, camera, detection)
@@ -79,7 +79,7 @@ def select(
         for number, d in enumerate(detections, 1)
     ]
     question = prompt.replace("{object_name}", object_name).replace("{boxes}", "\n".join(rows))
-    answer = ctx.tool("vlm.Query", prompt=question, image=camera.rgb).strip().lower()
+    answer = ctx.tool("vlm.Query", prompt=question, image=camera.rgb).text.strip().lower()
     number = re.fullmatch(r"(?:box |number )?(\d+)\W*", answer)
     if number is not None and 1 <= int(number[1]) <= len(detections):
         return detections[int(number[1]) - 1]

@@ -17,7 +17,7 @@ def iou(a, b):
 
 def test_every_object_in_view_is_found_once_and_no_other(cell, cameras, present):
     for name in cell.task.objects:
-        found = cell.tool("grounding_dino.Detect", image=cameras[0].rgb, text_prompt=label(cell, name))
+        found = cell.tool("grounding_dino.Detect", image=cameras[0].rgb, text_prompt=label(cell, name)).detections
         assert len(found) == (name in present), name
         assert all(d.score > 0.8 and d.label == label(cell, name) for d in found)
 
@@ -26,7 +26,7 @@ def test_detection_and_segmentation_cover_the_object(cell, cameras, present, tru
     for camera in cameras:
         for name in present:
             true = true_mask(cell, truth, name, camera, present)
-            found = cell.tool("grounding_dino.Detect", image=camera.rgb, text_prompt=label(cell, name))
+            found = cell.tool("grounding_dino.Detect", image=camera.rgb, text_prompt=label(cell, name)).detections
             if true.sum() < 200:
                 continue
             masks, scores = cell.tool("sam3.SegmentBox", image=camera.rgb, box=found[0].box)
@@ -37,7 +37,7 @@ def test_the_fused_cloud_gives_the_box(cell, cameras, present, truth):
     for name in present:
         clouds = []
         for camera in cameras:
-            for d in cell.tool("grounding_dino.Detect", image=camera.rgb, text_prompt=label(cell, name)):
+            for d in cell.tool("grounding_dino.Detect", image=camera.rgb, text_prompt=label(cell, name)).detections:
                 mask = cell.tool("sam3.SegmentBox", image=camera.rgb, box=d.box).masks[0]
                 clouds.append(
                     cell.tool(
@@ -52,13 +52,13 @@ def test_the_fused_cloud_gives_the_box(cell, cameras, present, truth):
 
 
 def test_phrases_are_periods_apart_and_unknown_ones_find_nothing(cell, cameras):
-    found = cell.tool("grounding_dino.Detect", image=cameras[0].rgb, text_prompt="unicorn. basket. ")
+    found = cell.tool("grounding_dino.Detect", image=cameras[0].rgb, text_prompt="unicorn. basket. ").detections
     assert [d.label for d in found] == ["basket"]
 
 
 def test_owlvit_answers_as_grounding_dino(cell, cameras):
-    a = cell.tool("grounding_dino.Detect", image=cameras[0].rgb, text_prompt="basket.")
-    assert a == cell.tool("owlvit.Detect", image=cameras[0].rgb, text_queries=["basket"])
+    a = cell.tool("grounding_dino.Detect", image=cameras[0].rgb, text_prompt="basket.").detections
+    assert a == cell.tool("owlvit.Detect", image=cameras[0].rgb, text_queries=["basket"]).detections
 
 
 def test_text_point_and_box_give_the_same_segment(cell, cameras):
@@ -90,18 +90,18 @@ def test_the_bare_floor_is_no_segment(cell, cameras):
 
 def test_a_crop_shows_what_was_cut_out(cell, cameras):
     image = cameras[0].rgb
-    box = cell.tool("grounding_dino.Detect", image=image, text_prompt="basket")[0].box
+    box = cell.tool("grounding_dino.Detect", image=image, text_prompt="basket").detections[0].box
     x0, y0, x1, y1 = (int(v) for v in (box.x_min, box.y_min, box.x_max, box.y_max))
     crop = Image(image.data[y0:y1, x0:x1])
-    inside = cell.tool("grounding_dino.Detect", image=crop, text_prompt="basket")[0].box
+    inside = cell.tool("grounding_dino.Detect", image=crop, text_prompt="basket").detections[0].box
     assert inside == BoundingBox2D(0, 0, x1 - x0, y1 - y0)
-    assert cell.tool("vlm.Query", prompt="What is this?", image=crop) == "basket"
+    assert cell.tool("vlm.Query", prompt="What is this?", image=crop).text == "basket"
 
 
 def test_an_image_never_observed_is_judged_by_colour_and_less_surely(cell, cameras, present):
-    known = cell.tool("grounding_dino.Detect", image=cameras[1].rgb, text_prompt="basket")
+    known = cell.tool("grounding_dino.Detect", image=cameras[1].rgb, text_prompt="basket").detections
     cell.state.clear()
-    unknown = cell.tool("grounding_dino.Detect", image=cameras[1].rgb, text_prompt="basket")
+    unknown = cell.tool("grounding_dino.Detect", image=cameras[1].rgb, text_prompt="basket").detections
     assert 0.2 < unknown[0].score < known[0].score
     a, b = (np.array([d.box.x_min, d.box.y_min, d.box.x_max, d.box.y_max]) for d in (known[0], unknown[0]))
     assert np.abs(a - b).max() < 12

@@ -103,7 +103,7 @@ def test_an_unknown_camera_is_named(cell, cameras):
 def test_a_question_without_any_image_is_refused(cell, present):
     cell.state.clear()
     with pytest.raises(BadRequestError, match="no image"):
-        cell.tool("vlm.Query", prompt="Is there a basket?")
+        cell.tool("vlm.Query", prompt="Is there a basket?").text
 
 
 @pytest.mark.parametrize("fill", [0.0, np.nan, np.inf, -1.0])
@@ -111,7 +111,7 @@ def test_frames_without_depth_are_judged_by_colour(cell, cameras, fill):
     blank = tuple(replace(c, depth=DepthImage(np.full(c.depth.data.shape, fill, np.float32))) for c in cameras)
     cell.state.clear()
     remember(cell.state, Observation(blank, ()))
-    found = cell.tool("grounding_dino.Detect", image=cameras[1].rgb, text_prompt="basket.")
+    found = cell.tool("grounding_dino.Detect", image=cameras[1].rgb, text_prompt="basket.").detections
     assert found and found[0].score < 0.7
 
 
@@ -124,7 +124,7 @@ def test_half_the_depth_missing_loses_half_the_objects_and_nothing_else(cell, ca
     cell.state.clear()
     remember(cell.state, Observation(tuple(torn), ()))
     for name, model in cell.task.objects.items():
-        found = cell.tool("grounding_dino.Detect", image=cameras[0].rgb, text_prompt=model.label)
+        found = cell.tool("grounding_dino.Detect", image=cameras[0].rgb, text_prompt=model.label).detections
         assert name in present or not found, name
 
 
@@ -141,9 +141,9 @@ def test_half_the_depth_missing_loses_half_the_objects_and_nothing_else(cell, ca
 )
 def test_pictures_of_nothing_show_nothing(cell, pixels):
     image = Image(pixels)
-    assert cell.tool("grounding_dino.Detect", image=image, text_prompt="alphabet soup. basket.") == []
+    assert cell.tool("grounding_dino.Detect", image=image, text_prompt="alphabet soup. basket.").detections == []
     assert cell.tool("molmo.PointPrompt", image=image, object_name="basket").found is False
-    assert cell.tool("vlm.Query", prompt="How many cans are there?", image=image) == "0"
+    assert cell.tool("vlm.Query", prompt="How many cans are there?", image=image).text == "0"
 
 
 @pytest.mark.parametrize("shape", [(0, 5, 3), (1, 1, 3), (2, 4000, 3), (9000, 16, 3)])
@@ -157,4 +157,4 @@ def test_a_broken_frame_is_refused_by_name(cell, cameras):
     cell.state.clear()
     remember(cell.state, Observation((short,), ()))
     with pytest.raises(ToolError, match="agentview"):
-        cell.tool("grounding_dino.Detect", image=short.rgb, text_prompt="basket")
+        cell.tool("grounding_dino.Detect", image=short.rgb, text_prompt="basket").detections

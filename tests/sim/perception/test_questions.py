@@ -7,7 +7,7 @@ pytestmark = pytest.mark.sim
 
 @pytest.fixture
 def ask(cell, cameras):
-    return lambda prompt: cell.tool("vlm.Query", prompt=prompt, image=cameras[0].rgb)
+    return lambda prompt: cell.tool("vlm.Query", prompt=prompt, image=cameras[0].rgb).text
 
 
 def test_presence_and_number(cell, ask, present):
@@ -22,7 +22,11 @@ def test_presence_and_number(cell, ask, present):
 def test_left_and_right_are_as_the_picture_shows(cell, cameras, ask, present):
     centre = {}
     for name in present:
-        box = cell.tool("grounding_dino.Detect", image=cameras[0].rgb, text_prompt=cell.task.objects[name].label)[0].box
+        box = (
+            cell.tool("grounding_dino.Detect", image=cameras[0].rgb, text_prompt=cell.task.objects[name].label)
+            .detections[0]
+            .box
+        )
         centre[name] = (box.x_min + box.x_max) / 2
     first, last = (cell.task.objects[pick(centre, key=centre.get)].label for pick in (min, max))
     assert ask(f"Is the {first} left of the {last}?") == "yes"
@@ -40,7 +44,11 @@ def test_nearer_the_camera_is_in_front(cell, cameras, ask, present, truth):
 def test_which_numbered_box(cell, cameras, ask, present):
     rows, numbers = [], {}
     for number, name in enumerate(present, 1):
-        box = cell.tool("grounding_dino.Detect", image=cameras[0].rgb, text_prompt=cell.task.objects[name].label)[0].box
+        box = (
+            cell.tool("grounding_dino.Detect", image=cameras[0].rgb, text_prompt=cell.task.objects[name].label)
+            .detections[0]
+            .box
+        )
         rows.append(f"{number}: [{box.x_min:.0f}, {box.y_min:.0f}, {box.x_max:.0f}, {box.y_max:.0f}]")
         numbers[name] = number
     for name, model in cell.task.objects.items():
@@ -57,5 +65,5 @@ def test_what_is_beyond_it_is_said(cell, cameras, ask, prompt):
 
 def test_yes_and_no_are_truth_values(cell, cameras):
     for tool in ("vlm.QueryYesNo", "molmo.QueryYesNo"):
-        assert cell.tool(tool, prompt="Is there a basket?") is True
-        assert cell.tool(tool, prompt="Is the basket in the basket?") is False
+        assert cell.tool(tool, prompt="Is there a basket?").answer is True
+        assert cell.tool(tool, prompt="Is the basket in the basket?").answer is False
