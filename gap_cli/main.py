@@ -17,6 +17,8 @@ from gap_cli.commands.plan import plan
 from gap_cli.commands.rehearse import rehearse
 from gap_cli.commands.report import report
 from gap_cli.commands.run import run
+from gap_cli.commands.schema import schema
+from gap_cli.commands.skills import app as skills
 from gap_cli.commands.tasks import tasks
 from gap_cli.commands.tools import tools
 from gap_cli.commands.validate import validate
@@ -40,9 +42,11 @@ app.command(rich_help_panel=PIPELINE)(report)
 app.command(rich_help_panel=PIPELINE)(run)
 app.command(rich_help_panel=PIPELINE)(view)
 app.command(rich_help_panel=PIPELINE)(demo)
+app.add_typer(skills, rich_help_panel=LIBRARY)
 app.command(rich_help_panel=LIBRARY)(tools)
 app.command(rich_help_panel=LIBRARY)(tasks)
 app.command(rich_help_panel=HOUSE)(doctor)
+app.command(rich_help_panel=HOUSE)(schema)
 
 
 def _version(wanted: bool) -> None:

@@ -12,8 +12,7 @@ from gap_cli.contracts.documents import read_text
 from gap_cli.contracts.task import Task
 from gap_cli.contracts.tool import ToolSpec
 from gap_cli.errors import RunError, WorkflowError
-from gap_cli.graph.assemble import assembled_lines
-from gap_cli.graph.builder import assemble
+from gap_cli.graph.assemble import assemble, assembled_lines
 from gap_cli.graph.catalog import Catalog
 from gap_cli.graph.checkpoints import parse_checkpoints
 from gap_cli.graph.findings import Finding
@@ -26,8 +25,8 @@ from gap_cli.skills import SkillLibrary
 
 @dataclass(frozen=True)
 class Generated:
-    """A valid workflow and what it was made of: builder code by subgraph, scripts by path, checkpoint files by
-    subgraph; `findings` are the validator's notes."""
+    """A workflow and what it was made of: builder code by subgraph, scripts by path, checkpoint files by subgraph.
+    `findings` are what the validator has to say; after `build`, notes only."""
 
     workflow: Workflow
     sources: dict[str, str] = field(repr=False)
@@ -50,36 +49,42 @@ def build(
     rules, `DocumentError` for a skill's template that cannot be rendered.
     """
     plan = plan if isinstance(plan, Plan) else Plan.load(plan)
+    labels = {name: model.label for name, model in task.objects.items()}
+    made = draft(plan, labels, library, tools, joints=frozenset(task.joints), unsafe=unsafe)
+    errors = [f for f in made.findings if f.severity == "error"]
+    if errors:
+        raise WorkflowError(errors, what="The generated workflow")
+    return made
+
+
+def draft(
+    plan: Plan,
+    labels: Mapping[str, str],
+    library: SkillLibrary,
+    tools: Mapping[str, ToolSpec],
+    *,
+    joints: frozenset[str] = frozenset(),
+    unsafe: bool = False,
+) -> Generated:
+    """The graph of a plan with every finding, good or bad. `labels` names the objects checkpoints may speak of."""
     spec = run_builder(plan.source, unsafe=unsafe, expect="spec")
     segments = _segments(plan, spec)
     sources = {s.name: render_subgraph(s, library.find(s.skill)) for s in segments}
     built = {name: run_builder(source, unsafe=unsafe, expect="sg") for name, source in sources.items()}
     workflow = assemble(spec, built)
-    scripts = {
-        script_path(s.name, path.name): read_text(path)
-        for s in segments
-        for path in library.find(s.skill).scripts.values()
-    }
-    scripts = {path: text for path, text in scripts.items() if path in _used(workflow)}
-    files = {s.name: render_checkpoint_file(s, library.find(s.skill), task) for s in segments}
+    scripts = _scripts(segments, workflow, library)
+    files = {s.name: render_checkpoint_file(s, library.find(s.skill), labels) for s in segments}
     checkpoints = {name: text for name, text in files.items() if text is not None}
     catalog = Catalog(
         tools,
         library.contracts,
         {path: read_signature(text, path) for path, text in scripts.items()},
-        known_objects(task),
+        frozenset(labels) | frozenset(labels.values()),
         {name: parse_checkpoints(text, f"checkpoints/{name}.py") for name, text in checkpoints.items()},
-        joints=frozenset(task.joints),
+        joints=joints,
     )
     findings = validate(workflow, catalog, lines=assembled_lines(spec, built))
-    if any(f.severity == "error" for f in findings):
-        raise WorkflowError([f for f in findings if f.severity == "error"], what="The generated workflow")
     return Generated(workflow, sources, scripts, checkpoints, findings)
-
-
-def known_objects(task: Task) -> frozenset[str]:
-    """Ids and labels a checkpoint may name."""
-    return frozenset(task.objects) | {model.label for model in task.objects.values()}
 
 
 def _segments(plan: Plan, spec: Mapping[str, Any]) -> list[Segment]:
@@ -95,5 +100,8 @@ def _segments(plan: Plan, spec: Mapping[str, Any]) -> list[Segment]:
     return [by_name[name] for name in declared]
 
 
-def _used(workflow: Workflow) -> set[str]:
-    return {node.script for d in workflow.subgraphs.values() for node in d.nodes.values() if node.script}
+def _scripts(segments: list[Segment], workflow: Workflow, library: SkillLibrary) -> dict[str, str]:
+    """The canonical scripts the workflow uses, by path."""
+    used = {node.script for d in workflow.subgraphs.values() for node in d.nodes.values() if node.script}
+    paths = {script_path(s.name, p.name): p for s in segments for p in library.find(s.skill).scripts.values()}
+    return {path: read_text(file) for path, file in paths.items() if path in used}

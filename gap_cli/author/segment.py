@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from gap_cli.author.plans import Segment
-from gap_cli.author.render import render_file
+from gap_cli.author.render import literal, render_file
+from gap_cli.contracts.documents import read_text
 from gap_cli.contracts.skill import SkillContract
-from gap_cli.contracts.task import Task
 from gap_cli.errors import DocumentError, GapError, UnknownNameError
 from gap_cli.graph.names import substitute
 from gap_cli.skills import SkillBundle
@@ -20,8 +21,11 @@ def render_subgraph(segment: Segment, bundle: SkillBundle) -> str:
     return render_file(bundle.template, **template_context(segment, bundle))
 
 
-def render_checkpoint_file(segment: Segment, bundle: SkillBundle, task: Task) -> str | None:
-    """The checkpoints sidecar of the segment; None for a skill without a checkpoint template."""
+def render_checkpoint_file(segment: Segment, bundle: SkillBundle, labels: Mapping[str, str]) -> str | None:
+    """The checkpoints sidecar of the segment; None for a skill without a checkpoint template.
+
+    A checkpoint template may use segment, skill, object(role) and label(role).
+    """
     if bundle.checkpoints is None:
         return None
 
@@ -29,7 +33,7 @@ def render_checkpoint_file(segment: Segment, bundle: SkillBundle, task: Task) ->
         return _lookup("role", role, segment.roles)
 
     def label_of(role: str) -> str:
-        return task.objects[object_of(role)].label
+        return _lookup("object", object_of(role), labels)
 
     return render_file(bundle.checkpoints, segment=segment.name, skill=bundle.name, object=object_of, label=label_of)
 
@@ -43,6 +47,7 @@ def template_context(segment: Segment, bundle: SkillBundle) -> dict[str, Any]:
     has_input(name)                whether an optional input is connected
     literal(name)                  a literal of the contract, already written as Python
     script(name)                   the path of a canonical script, already written as Python
+    prompt(name)                   the text of a prompt file, already written as Python
     exits, on_error                success exits and the failure exit
     """
     contract = bundle.contract
@@ -51,7 +56,11 @@ def template_context(segment: Segment, bundle: SkillBundle) -> dict[str, Any]:
         return substitute(_lookup(kind, name, {n: n for n in known}), segment.names)
 
     def script(name: str) -> str:
-        return repr(script_path(segment.name, _lookup("script", name, contract.scripts))).replace("'", '"')
+        return literal(script_path(segment.name, _lookup("script", name, contract.scripts)))
+
+    def prompt(name: str) -> str:
+        _lookup("prompt", name, contract.prompts)
+        return literal(read_text(bundle.prompts[name]).strip())
 
     return {
         "segment": segment.name,
@@ -63,6 +72,7 @@ def template_context(segment: Segment, bundle: SkillBundle) -> dict[str, Any]:
         "has_input": lambda name: spelled("input", name, contract.inputs) in segment.inputs,
         "literal": lambda name: _literal(segment, contract, name),
         "script": script,
+        "prompt": prompt,
         "exits": segment.exits,
         "on_error": segment.on_error,
     }
@@ -74,15 +84,13 @@ def script_path(segment: str, file: str) -> str:
 
 
 def _literal(segment: Segment, contract: SkillContract, name: str) -> str:
-    from gap_cli.author.render import literal
-
     _lookup("literal", name, contract.literals)
     if name not in segment.literals:
         raise GapError(f"Segment {segment.name!r} gives no {name!r}, a literal of skill {segment.skill!r}.")
     return literal(segment.literals[name])
 
 
-def _lookup(kind: str, name: str, known: dict[str, str]) -> str:
+def _lookup(kind: str, name: str, known: Mapping[str, str]) -> str:
     if name not in known:
         raise UnknownNameError(kind, name, known)
     return known[name]

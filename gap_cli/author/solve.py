@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 from gap_cli.author.goals import Goal
 from gap_cli.author.order import layers
@@ -21,11 +22,17 @@ def solve(goals: Sequence[Goal], repertoire: Repertoire) -> list[list[Step]]:
     Raises `InstructionError` when the skills cannot do it.
     """
     objects = list(dict.fromkeys(name for goal in goals for name in (goal.target, goal.container)))
+    mentioned = partial(_rank, objects)
     state, reached = State(INITIALLY), frozenset[Fact]()
     found: list[list[Step]] = []
     for goal in goals:
         fact, _ = parse_fact(goal.fact)
         steps = regress(fact, state, repertoire, objects, keep=reached)
-        found += [[steps[i] for i in layer] for layer in layers(steps)]
+        found += [sorted((steps[i] for i in layer), key=mentioned) for layer in layers(steps)]
         state, reached = state.after(steps), reached | {fact}
     return found
+
+
+def _rank(objects: Sequence[str], step: Step) -> list[int]:
+    """Objects in the order the instruction names them."""
+    return [objects.index(name) for _, name in step.binding]

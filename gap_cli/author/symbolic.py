@@ -25,8 +25,7 @@ def plan_symbolically(task: Task, instruction: str, library: SkillLibrary, tools
     scene = choose_scene(task, goals)
     layers = solve(goals, Repertoire.of(library, tools))
     steps = [step for layer in layers for step in layer]
-    first = len(layers[0]) if layers else 0
-    layer_of = [max(0, index - first + 1) for index in range(len(steps))]  # only the start of a graph can fan out
+    layer_of = range(len(steps))  # the validator wants one subgraph at a time at the top level
     named = name_steps(steps, library.contracts)
     segments = [_segment(task, library, *given) for given in zip(steps, named, layer_of, strict=True)]
     content = PlanData(

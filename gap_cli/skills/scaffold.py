@@ -1,0 +1,63 @@
+"""`gap skills new`: a pip-installable plugin with one skill, one tool and a test, ready to be made one's own."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from gap_cli.errors import BadRequestError, StorageError
+
+TEMPLATES = Path(__file__).parent / "templates" / "plugin"
+SUFFIX = ".j2"
+_NAME = re.compile(r"^[a-z][a-z0-9]*(-[a-z0-9]+)*$")
+MAX_NAME = 50  # the skill format allows 64; the package name adds a prefix
+
+
+def new_plugin(name: str, into: Path) -> list[Path]:
+    """Write the plugin into the new folder `into`/`name`; returns the files, sorted.
+
+    Raises `BadRequestError` for a name no skill can have, `StorageError` when the folder exists or cannot be written.
+    """
+    if not _NAME.match(name) or len(name) > MAX_NAME:
+        raise BadRequestError(
+            "name",
+            f"{name!r} is not a name for a skill.",
+            hint=f"Use lower-case words joined by hyphens, at most {MAX_NAME} characters: wave-hello.",
+        )
+    root = into / name
+    files = {root / path: text for path, text in _render(name).items()}
+    try:
+        into.mkdir(parents=True, exist_ok=True)
+        root.mkdir()
+        for file, text in files.items():
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(text, encoding="utf-8")
+    except FileExistsError:
+        raise StorageError(f"{root} exists already.", hint="Choose another name, or remove it.") from None
+    except OSError as error:
+        raise StorageError(f"{root} cannot be written ({error.strerror}).") from None
+    return sorted(files)
+
+
+def _render(name: str) -> dict[str, str]:
+    """Relative path to text of every file. The templates hold templates themselves, hence the [[ ]] of their own."""
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES), undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False,
+        variable_start_string="[[", variable_end_string="]]", block_start_string="[%", block_end_string="%]",
+        comment_start_string="[##", comment_end_string="##]",
+    )  # fmt: skip
+    snake = name.replace("-", "_")
+    title = name.replace("-", " ").capitalize()
+    words = {"name": name, "snake": snake, "package": f"gap_{snake}", "title": title}
+    folders = {"package": words["package"], "package/skill": f"{words['package']}/skills/{name}"}
+    found: dict[str, str] = {}
+    for template in sorted(environment.list_templates()):
+        path = template.removesuffix(SUFFIX)
+        for folder in sorted(folders, key=len, reverse=True):
+            if path.startswith(f"{folder}/"):
+                path = folders[folder] + path.removeprefix(folder)
+                break
+        found[path] = environment.get_template(template).render(**words)
+    return found
