@@ -34,7 +34,7 @@ def complete_task(incomplete: str) -> list[str]:
 RunName = Annotated[
     str | None,
     typer.Argument(
-        metavar="[RUN]", help="A run's name or folder; the latest when left out.", autocompletion=complete_run
+        metavar="RUN", help="A run's name or folder; the latest when left out.", autocompletion=complete_run
     ),
 ]
 Root = Annotated[Path, typer.Option(help="The folder that holds the runs.", envvar="GAP_RUNS", show_default=True)]

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def tasks(
     name: Annotated[
-        str | None, typer.Argument(metavar="[TASK]", help="One task, shown in full.", autocompletion=complete_task)
+        str | None, typer.Argument(metavar="TASK", help="One task, shown in full.", autocompletion=complete_task)
     ] = None,
     json: AsJson = False,
 ) -> None:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def tools(
-    name: Annotated[str | None, typer.Argument(metavar="[TOOL]", help="One tool, shown in full.")] = None,
+    name: Annotated[str | None, typer.Argument(metavar="TOOL", help="One tool, shown in full.")] = None,
     json: AsJson = False,
 ) -> None:
     """List the tools with their providers, or show one in full."""
@@ -41,9 +41,8 @@ def _one(registry: Registry, name: str, json: bool) -> None:
     out = console()
     out.print(name, style="bold", markup=False)
     out.print(tool.spec.doc + "\n", markup=False)
-    print_table(
-        "", ("input", "type", "default"), [(p.name, p.type, "" if p.required else p.default) for p in tool.spec.inputs]
-    )
+    inputs: list[tuple[object, ...]] = [(p.name, p.type, "" if p.required else p.default) for p in tool.spec.inputs]
+    print_table("", ("input", "type", "default"), inputs or [("nothing", "", "")])
     given = tool.spec.fields.items() if tool.spec.fields else [("", tool.spec.output or "nothing")]
     print_table("", ("output", "type"), given)
     held = ", ".join(tool.spec.resources) or "nothing"

@@ -147,7 +147,7 @@ def _plain(data: Mapping[str, object]) -> dict[str, object]:
     found: dict[str, object] = {}
     for key, value in data.items():
         try:
-            found[key] = to_plain(value, digits=6)
+            found[key] = str(value) if isinstance(value, BaseException) else to_plain(value, digits=6)
         except BadRequestError:
             found[key] = type(value).__name__
     return found

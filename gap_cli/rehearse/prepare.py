@@ -7,9 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pydantic import ConfigDict, Field
+
 from gap_cli.artifacts.run import Run
 from gap_cli.artifacts.stages import digest, product
 from gap_cli.contracts.documents import read_json, read_text
+from gap_cli.contracts.models import Document
 from gap_cli.errors import RunError
 from gap_cli.graph.checkpoints import Checkpoint, parse_checkpoints
 from gap_cli.graph.compile import compile_workflow
@@ -18,6 +21,32 @@ from gap_cli.graph.load import load_workflow
 from gap_cli.graph.model import START, Workflow
 from gap_cli.rehearse.inventory import Inventory
 from gap_cli.rehearse.judge import Conditions, make_conditions
+
+
+class PlanPart(Document):
+    """What rolling out and judging needs of plan.json; the author owns the rest of it."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+    scene: str
+    goals: list[dict[str, str]] = Field(min_length=1)
+
+
+class FindingPart(Document):
+    """What the gate before a rehearsal needs of a finding."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+    code: str
+    path: str
+    message: str
+    severity: str = "error"
+
+
+class Validated(Document):
+    """What the gate before a rehearsal needs of findings.json: the digest of the graph it judged, and the verdict."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+    workflow: str
+    findings: list[FindingPart]
 
 
 @dataclass(frozen=True)
@@ -36,16 +65,17 @@ class Prepared:
 def prepare(run: Run, workflow: Path | None = None) -> Prepared:
     """Compile the run's graph (or another `workflow` of the same plan). Raises `RunError`, `DocumentError`, ..."""
     file = workflow or product(run, "generate")
-    plan = read_json(product(run, "plan"))
+    where = product(run, "plan")
+    plan = PlanPart.load(read_json(where), str(where))
     inventory = Inventory.of(run.asked)
     model = load_workflow(file)
     tools, library = inventory.registry.tools, inventory.library
     canonical = library.canonical_scripts(model, file.parent)
     graph = compile_workflow(model, file.parent, tools, library.contracts, canonical)
     objects = inventory.task.objects
-    goals = tuple({role: name for role, name in goal.items() if name in objects} for goal in plan["goals"])
+    goals = tuple({role: name for role, name in goal.items() if name in objects} for goal in plan.goals)
     return Prepared(
-        inventory, file, graph, plan["scene"], goals, make_conditions(inventory.task, goals),
+        inventory, file, graph, plan.scene, goals, make_conditions(inventory.task, goals),
         {name: _checkpoints(file.parent / "checkpoints" / f"{name}.py") for name in model.subgraphs},
     )  # fmt: skip
 
@@ -53,15 +83,16 @@ def prepare(run: Run, workflow: Path | None = None) -> Prepared:
 def require_valid(run: Run) -> Path:
     """The run's workflow, which `gap validate` accepted as it is now. Raises `RunError` with what to type."""
     file = product(run, "generate")
-    found = read_json(product(run, "validate"))
+    where = product(run, "validate")
+    found = Validated.load(read_json(where), str(where))
     again = f"Type: gap validate {run.name}"
-    if found.get("workflow") != digest(file):
+    if found.workflow != digest(file):
         raise RunError(f"The graph of {run.name} has changed since it was validated.", hint=again)
-    errors = [f for f in found["findings"] if f.get("severity", "error") == "error"]
+    errors = [f for f in found.findings if f.severity == "error"]
     if errors:
         first = errors[0]
         raise RunError(
-            f"The graph of {run.name} has {len(errors)} errors: {first['code']} {first['path']}: {first['message']}",
+            f"The graph of {run.name} has {len(errors)} errors: {first.code} {first.path}: {first.message}",
             hint=f"Mend it. {again}",
         )
     return file

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from gap_cli.artifacts.run import Run
 from gap_cli.contracts.engine import EpisodeResult, RehearsalJob
-from gap_cli.contracts.world import World
+from gap_cli.contracts.world import World, WorldFrame
 from gap_cli.errors import UnknownNameError
 from gap_cli.graph.checkpoints import evaluate
 from gap_cli.graph.context import ScriptRunner
@@ -121,7 +121,9 @@ class _Recording:
 
     def start(self) -> None:
         """From the instant the instance stands."""
-        self._unsubscribe = self._world.subscribe(self.recorder.on_frame, RECORD_HZ, self._world.camera_names)
+        world = self._world
+        self.recorder.on_frame(WorldFrame(world.time, world.observe(), world.snapshot()))
+        self._unsubscribe = world.subscribe(self.recorder.on_frame, RECORD_HZ, world.camera_names)
 
     def stop(self) -> None:
         """Finish the file."""

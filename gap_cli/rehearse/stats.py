@@ -36,7 +36,7 @@ def wilson(passed: int, total: int, z: float = Z95) -> Rate:
     scale = 1 + z * z / total
     centre = (p + z * z / (2 * total)) / scale
     half = z * math.sqrt(p * (1 - p) / total + z * z / (4 * total * total)) / scale
-    return Rate(passed, total, max(0.0, centre - half), min(1.0, centre + half))
+    return Rate(passed, total, max(0.0, min(p, centre - half)), min(1.0, max(p, centre + half)))
 
 
 def quantile(values: Sequence[float], q: float) -> float | None:

@@ -45,7 +45,8 @@ def render(run: Run) -> str:
 def commands(run: Run, summary: Any) -> list[str]:
     """What to type to get the same episodes again."""
     asked = run.asked
-    plan = ["gap", "plan", "--task", asked.task, "--variant", asked.variant, "--say", asked.instruction]
+    plan = ["gap", "plan", "--task", asked.task, "--say", asked.instruction]
+    plan += ["--variant", asked.variant] if asked.variant else []
     plan += ["--author", asked.author] if asked.author != "symbolic" else []
     for tool, provider in asked.providers.items():
         plan += ["--provider", f"{tool}={provider}"]

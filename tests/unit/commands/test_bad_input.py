@@ -1,0 +1,188 @@
+"""Bad input: one clear line, exit code 1, and nothing half-written."""
+
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SAY = "Pick the alphabet soup and place it in the basket"
+GROCERY = ("plan", "--task", "fulfill-grocery", "--say", SAY)
+
+
+def refused(done, *words):
+    assert done.code == 1, done.err
+    assert done.out == ""
+    assert done.lines[0].startswith("error: ") and len(done.lines) <= 2
+    assert "Traceback" not in done.err
+    for word in words:
+        assert word in done.err
+
+
+def tree(folder):
+    return {p: p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file() and p.name != ".lock"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("plan", "--task", "fulfil-grocery", "--say", SAY), ["task 'fulfil-grocery'", "fulfill-grocery"]),
+        ((*GROCERY, "--variant", "objekt"), ["variant 'objekt'", "object"]),
+        ((*GROCERY, "--author", "poet"), ["author 'poet'", "symbolic"]),
+        ((*GROCERY, "--provider", "nowhere.Tool=x"), ["tool 'nowhere.Tool'"]),
+        ((*GROCERY, "--provider", "grounding_dino.Detect=gpu"), ["provider", "embedded"]),
+        (("plan", "--task", "fulfill-grocery", "--say", "Pick the unicorn and place it in the basket"), ["unicorn"]),
+        (("plan", "--task", "fulfill-grocery", "--say", ""), ["instruction"]),
+        (("generate", "nope"), ["no run 'nope'"]),
+        (("validate",), ["no run", "gap plan"]),
+        (("report", "./nowhere"), ["nowhere"]),
+        (("tools", "gripper.Opne"), ["gripper.Open"]),
+        (("tasks", "fulfill"), ["fulfill-grocery"]),
+    ],
+    ids=lambda v: " ".join(v)[:40] if isinstance(v, tuple) else "",
+)
+def test_what_does_not_exist_is_named_with_what_does(gap, tmp_path, arguments, words):
+    refused(gap(*arguments), *words)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("damage", "word"),
+    [
+        ("name: little\nname: little", "twice"),
+        ("name: no", "boolean"),
+        ("name: &x little", "anchor"),
+        ("name:\tlittle", "YAML"),
+        ("name: litt\u200ble", "invisible"),
+        ("nmae: little", "nmae"),
+        (b"name: l\xe4ttle", "UTF-8"),
+    ],
+)
+@pytest.mark.parametrize("command", [("tasks",), ("plan", "--task", "little", "--say", "Do it")], ids=lambda c: c[0])
+def test_a_malformed_task_names_file_and_line(gap, little_cell, plugin_folder, tmp_path, damage, word, command):
+    file = plugin_folder / "little_cell/tasks/little/task.yaml"
+    good = file.read_bytes()
+    bad = damage if isinstance(damage, bytes) else damage.encode()
+    try:
+        file.write_bytes(good.replace(b"name: little", bad, 1))
+        refused(gap(*command), "task.yaml", word)
+    finally:
+        file.write_bytes(good)
+    assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "word"),
+    [
+        ("SKILL.md", "name: fake", "name: fake\nname: fake", "twice"),
+        ("SKILL.md", "name: fake", "name: faked", "folder"),
+        ("SKILL.md", "---\nname", "name", "frontmatter"),
+        ("contract.yaml", "kind: composite", "kind: composit", "kind"),
+        ("contract.yaml", "template: t.py.j2", "template: ../t.py.j2", "inside"),
+        ("contract.yaml", "template: t.py.j2", "template: gone.j2", "gone.j2"),
+    ],
+)
+def test_a_malformed_skill_names_its_file(gap, make_run, plugin_folder, name, old, new, word):
+    run = make_run()
+    file = plugin_folder / "little_cell/skills/fake" / name
+    good, before = file.read_text(), tree(run.path)
+    try:
+        file.write_text(good.replace(old, new, 1))
+        for command in ("validate", "rehearse"):
+            refused(gap(command), f"fake/{name}", word)
+    finally:
+        file.write_text(good)
+    assert tree(run.path) == before
+
+
+@pytest.mark.parametrize("name", ["run.yaml", "plan/plan.json", "validate/findings.json", "generate/workflow.json"])
+@pytest.mark.parametrize("damage", [b"", b"[", b"\xff\xfe", b"null", b"[1]"], ids=repr)
+def test_a_damaged_run_is_refused_with_the_file(gap, make_run, name, damage):
+    run = make_run()
+    (run.path / name).write_bytes(damage)
+    before = tree(run.path)
+    done = gap("rehearse", "-n", 1, "--record", "none")
+    assert done.code == 1 and "Traceback" not in done.err and done.out == ""
+    assert Path(name).name in done.err or "validate" in done.err
+    assert tree(run.path) == before
+
+
+def test_a_dangling_reference_is_a_finding_not_a_crash(gap, make_run):
+    run = make_run()
+    file = run.path / "generate/workflow.json"
+    file.write_text(
+        file.read_text().replace(
+            '"tool": "cell.Act"', '"tool": "cell.Act", "inputs": {"seconds": {"$ref": "look.nowhere"}}'
+        )
+    )
+    done = gap("validate", "--json")
+    assert done.code == 1 and "has no 'nowhere'" in done.out
+
+
+@pytest.mark.parametrize(
+    ("source", "reason"),
+    [
+        ("raise ValueError('out of paint')", "out of paint"),
+        ("import sys; sys.exit(4)", "SystemExit"),
+        ("import nowhere_to_be_found", "nowhere_to_be_found"),
+        ("def gap_register_tool(): pass", ""),
+        ("print('hello from the plugin')", ""),
+    ],
+)
+def test_a_bad_plugin_takes_nothing_along(gap, tmp_path, monkeypatch, source, reason):
+    import json
+
+    site = tmp_path / "site"
+    (site / "bad_plugin-1.dist-info").mkdir(parents=True)
+    (site / "bad_plugin.py").write_text(source)
+    (site / "bad_plugin-1.dist-info/METADATA").write_text("Metadata-Version: 2.1\nName: bad-plugin\nVersion: 1\n")
+    (site / "bad_plugin-1.dist-info/entry_points.txt").write_text("[gap]\nbad = bad_plugin\n")
+    monkeypatch.syspath_prepend(str(site))
+    monkeypatch.delitem(sys.modules, "bad_plugin", raising=False)
+    done = gap("tools", "--json")
+    assert done.code == 0 and len(json.loads(done.out)) > 30
+    if reason:
+        from gap_cli.plugins import load_registry
+
+        monkeypatch.delitem(sys.modules, "bad_plugin", raising=False)
+        assert reason in load_registry().broken["bad_plugin"]
+
+
+LIMITED = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
+sys.argv = ["gap", *sys.argv[2:]]
+from gap_cli.main import main
+main()
+"""
+
+
+def limited(size, *arguments):
+    """Run gap where no file can grow beyond `size` bytes, as on a full disk."""
+    command = [sys.executable, "-B", "-c", LIMITED, str(size), *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+def test_a_full_disk_leaves_no_run(tmp_path):
+    assert hasattr(resource, "RLIMIT_FSIZE")
+    done = limited(100, *GROCERY, "--root", tmp_path / "runs")
+    assert done.returncode == 1 and done.stderr.startswith("error: Cannot write")
+    assert [p for p in tmp_path.rglob("*") if p.is_file()] == []
+
+
+def test_a_disk_that_fills_up_leaves_the_stage_before(gap, tmp_path):
+    assert gap(*GROCERY, "--root", tmp_path / "runs").code == 0
+    before = tree(tmp_path / "runs")
+    done = limited(4000, "generate", "--root", tmp_path / "runs")
+    assert done.returncode == 1 and "half-written" in done.stderr
+    assert tree(tmp_path / "runs") == before
+
+
+def test_a_disk_full_for_the_rehearsal_keeps_the_one_before(gap, make_run):
+    run = make_run()
+    assert gap("rehearse", "-n", 1, "--record", "none").code == 0
+    kept = {n: (run.folder("rehearse/00") / n).read_bytes() for n in ("episodes.jsonl", "summary.json", "feedback.md")}
+    done = limited(1500, "rehearse", run.path, "-n", 8, "--record", "none")
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert {n: (run.folder("rehearse/00") / n).read_bytes() for n in kept} == kept

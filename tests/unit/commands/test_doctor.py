@@ -1,0 +1,79 @@
+import json
+
+import pytest
+
+from gap_cli.commands import checks
+from gap_cli.plugins import load_registry
+
+PLUGIN = """
+import os, time
+from gap_cli.contracts.failures import GapError
+from gap_cli.hookspecs import hookimpl
+
+def fine(): return "all is well"
+def lacks(): raise GapError("No paint here.", hint="apt install paint")
+def crashes(): os.abort()
+def hangs(): time.sleep(600)
+
+@hookimpl
+def gap_register_checks(register):
+    for check in (fine, lacks, crashes, hangs): register(check.__name__, check)
+"""
+
+
+@pytest.fixture
+def painter(tmp_path, monkeypatch):
+    import os
+    import sys
+
+    site = tmp_path / "site"
+    (site / "painter-1.dist-info").mkdir(parents=True)
+    (site / "painter.py").write_text(PLUGIN)
+    (site / "painter-1.dist-info/METADATA").write_text("Metadata-Version: 2.1\nName: painter\nVersion: 1\n")
+    (site / "painter-1.dist-info/entry_points.txt").write_text("[gap]\npainter = painter\n")
+    monkeypatch.syspath_prepend(str(site))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(site), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep))
+    monkeypatch.setattr(checks, "LIMIT_S", 8.0)
+    yield
+    sys.modules.pop("painter", None)
+
+
+def test_a_check_of_a_plugin_may_fail_crash_or_hang(painter):
+    found = {name: checks._ask(name) for name in ("fine", "lacks", "crashes", "hangs")}
+    assert found["fine"].ok and found["fine"].found == "all is well"
+    assert (found["lacks"].ok, found["lacks"].hint) == (False, "apt install paint")
+    assert not found["crashes"].ok and not found["hangs"].ok
+    assert "no answer" in found["hangs"].found
+
+
+def test_what_is_needed_and_missing_exits_1(gap, monkeypatch):
+    monkeypatch.setattr(checks, "_torch", lambda: checks.Finding("torch", False, "not installed", "make setup"))
+    monkeypatch.setattr(checks, "_ask", lambda name: checks.Finding(name, True, "asked"))
+    done = gap("doctor")
+    assert done.code == 1 and "MISSING" in done.out and "make setup" in done.out
+
+
+def test_what_is_optional_and_missing_does_not(gap, monkeypatch):
+    monkeypatch.setattr(checks, "_extras", lambda: [checks.Finding("gold", False, "shiny", "dig", needed=False)])
+    monkeypatch.setattr(checks, "_ask", lambda name: checks.Finding(name, True, "asked"))
+    monkeypatch.setattr(checks, "_sandbox", lambda: checks.Finding("sandbox", True, "seccomp"))
+    done = gap("doctor", "--json")
+    data = json.loads(done.out)
+    assert done.code == 0 and data["ok"]
+    assert {"check": "gold", "ok": False, "found": "shiny", "hint": "dig", "needed": False} in data["checks"]
+
+
+def test_every_registered_check_is_asked(monkeypatch, tmp_path):
+    asked = []
+    monkeypatch.setattr(checks, "_ask", lambda name: asked.append(name) or checks.Finding(name, True, ""))
+    checks.examine(tmp_path)
+    assert asked == sorted(load_registry().checks) != []
+
+
+def test_torch_is_recognised_without_being_imported():
+    finding = checks._torch()
+    assert finding.ok and "CPU build" in finding.found
+
+
+def test_a_folder_that_cannot_be_used_is_named(tmp_path):
+    assert checks._disk(tmp_path / "not" / "yet" / "there").ok

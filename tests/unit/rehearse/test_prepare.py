@@ -1,0 +1,22 @@
+from gap_cli.rehearse.prepare import describe, in_order, prepare, tools_used
+from gap_cli.testing import fake_workflow
+
+
+def test_subgraphs_come_in_the_order_control_reaches_them():
+    workflow = fake_workflow({}, [])
+    top = workflow.nodes["main"]
+    nodes = {"b": top, "lonely": top, "a": top, "end": workflow.nodes["success"]}
+    edges = [("START", "a"), ("a", "b"), ("b", "end"), ("b", "a")]
+    shuffled = workflow.model_copy(update={"nodes": nodes, "edges": edges, "conditional_edges": {}})
+    assert in_order(shuffled) == ["a", "b", "lonely"]
+
+
+def test_what_was_rolled_out_is_described_without_the_run_or_the_machine(make_run):
+    run = make_run()
+    (run.path / "lock.json").write_text("{}")
+    prepared = prepare(run)
+    data = describe(prepared, run.path / "lock.json")
+    assert tools_used(prepared.graph) == ["cell.Act", "fake.Look"]
+    assert list(data["providers"]) == ["cell.Act", "fake.Look"]
+    assert data["goals"] == [{"target": "can", "container": "bin"}]
+    assert str(run.path) not in str(data) and run.name not in str(data)
