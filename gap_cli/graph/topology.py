@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 from gap_cli.contracts.failures import UnknownNameError
 from gap_cli.graph.compiled import Routes
+from gap_cli.graph.flow import Flow
 from gap_cli.graph.model import END, START, Edge, Routing
 
 
 @dataclass(frozen=True)
 class Topology:
     """Edges by index of the sorted node names. `waits_for[i]`: a mask of all nodes from which a join node i can be
-    reached, 0 for a node with one way in (it cannot be waiting for anyone once it was reached)."""
+    reached within one pass, 0 for a node with one way in (it cannot be waiting for anyone once it was reached)."""
 
     names: tuple[str, ...]
     index: Mapping[str, int]
@@ -51,7 +52,7 @@ def make_topology(names: Sequence[str], edges: Sequence[Edge], routing: Mapping[
     ]
     return Topology(
         ordered, index, entries, tuple(tuple(sorted(o)) for o in out), frozenset(ends), routes,
-        _waits_for(reached, entries), _looped(reached),
+        _waits_for(Flow(ordered, edges, routing), index), _looped(reached),
     )  # fmt: skip
 
 
@@ -64,12 +65,17 @@ def _routes(routing: Routing, entries: tuple[int, ...], find: Callable[[str], in
     return Routes(fields, targets, ends)
 
 
-def _waits_for(reached: Sequence[set[int]], entries: tuple[int, ...]) -> tuple[int, ...]:
-    into: list[set[int]] = [set() for _ in reached]
-    for source, targets in enumerate(reached):
-        for target in targets:
-            into[target].add(source)
-    return tuple(_ancestors(i, into) if len(into[i]) + (i in entries) > 1 else 0 for i in range(len(reached)))
+def _waits_for(flow: Flow, index: Mapping[str, int]) -> tuple[int, ...]:
+    """Without the edges back: joins of one loop can reach each other through the next pass, and do not wait for it."""
+    into: list[set[int]] = [set() for _ in index]
+    entries: set[int] = set()
+    for number, arc in enumerate(flow.arcs):
+        source, target = flow.names[arc.source], flow.names[arc.target]
+        if source == START and target in index:
+            entries.add(index[target])
+        elif number not in flow.back and target in index:
+            into[index[target]].add(index[source])
+    return tuple(_ancestors(i, into) if len(into[i]) + (i in entries) > 1 else 0 for i in range(len(index)))
 
 
 def _ancestors(node: int, into: Sequence[set[int]]) -> int:

@@ -41,6 +41,24 @@ def test_what_can_run_again_is_known_and_a_chain_cannot():
     assert {topology.names[i] for i in topology.looped} == {"a", "b"}
 
 
+def test_two_joins_of_one_loop_do_not_wait_for_each_other():
+    edges = [
+        ("START", "h"),
+        ("h", "p"),
+        ("h", "q"),
+        ("p", "j"),
+        ("q", "j"),
+        ("p", "k"),
+        ("q", "k"),
+        ("j", "c"),
+        ("k", "c"),
+    ]
+    routing = {"c": Routing(router_field="again", mapping={"true": "h", "false": "END"})}
+    topology = make_topology(["h", "p", "q", "j", "k", "c"], edges, routing, "x")
+    assert waits(topology, "j") == waits(topology, "k") == {"h", "p", "q"}
+    assert not waits(topology, "h")
+
+
 def test_order_of_declaration_does_not_matter():
     edges = [("START", "a"), ("a", "b"), ("b", "END")]
     assert make_topology(["a", "b"], edges, {}, "x") == make_topology(["b", "a"], edges[::-1], {}, "x")
