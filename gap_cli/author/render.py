@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError, TemplateSyntaxError
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError, TemplateSyntaxError, Undefined
 from jinja2.sandbox import ImmutableSandboxedEnvironment
 
 from gap_cli.contracts.documents import read_text
@@ -41,6 +41,8 @@ def render_file(path: Path, **context: Any) -> str:
 
 def literal(value: Any) -> str:
     """A value as a Python literal in double quotes, so that rendered code reads like written code."""
+    if isinstance(value, Undefined):
+        str(value)  # raises, naming what is undefined
     if isinstance(value, str):
         text = repr(value)
         if text.startswith("'") and '"' not in text and "\\'" not in text:
