@@ -71,18 +71,23 @@ class Beside:
                    for n in flow.into[flow.index[name]])  # fmt: skip
 
     def restarted_under(self, number: int, streaming: frozenset[int]) -> int | None:
-        """What may still go on when back edge `number` starts a new pass: a node that began in the loop, the head of
-        another loop that starts over too, or END (1) where the graph may have ended; None where all is well."""
-        flow = self.flow
-        arc = flow.arcs[number]
+        """What may still go on when back edge `number` starts a new pass of its loop: the target of an edge that was
+        taken in this pass, or END (1); None where all that began in the loop has come together before."""
+        flow, before = self.flow, self.flow.before
+        tail, head = flow.arcs[number].source, flow.arcs[number].target
         for other in bits(self.together[number]):
-            node = flow.arcs[other].target
-            if node == 1 or other in flow.back:
-                return node
-            if node == arc.source or node in streaming or flow.before[arc.source] >> node & 1:
-                continue
-            if node == arc.target or flow.before.get(node, 0) >> arc.target & 1:
-                return node
+            source, target = flow.arcs[other].source, flow.arcs[other].target
+            if target in streaming or before[source] >> tail & 1:
+                continue  # its source waits for the loop, so it has not been taken yet
+            if other in flow.back and source != tail:
+                continue  # a loop inside this one, which has ended by now, or one beside it
+            joined = target == tail or (target != 1 and other not in flow.back and before[tail] >> target & 1)
+            inside = source == head or before[source] >> head & 1
+            if inside and not joined:
+                return target
+            apart = target != 1 and not joined and not before[target] >> tail & 1
+            if apart and before[target] >> head & 1:
+                return target
         return None
 
     def both_end(self) -> list[tuple[int, int]]:

@@ -78,14 +78,15 @@ class Flow:
         return {node: i for i, node in enumerate(self.order)}
 
     @cached_property
-    def ending(self) -> set[int]:
-        """Nodes from which END can be reached."""
-        seen, todo = {1}, [1]
-        while todo:
-            fresh = {self.arcs[n].source for n in self.into[todo.pop()]} - seen
-            seen |= fresh
-            todo.extend(fresh)
-        return seen
+    def endless(self) -> set[int]:
+        """Nodes from which control surely goes back to an earlier one, whatever is chosen: a loop nothing leaves."""
+        found: set[int] = set()
+        for node in reversed(self.order):
+            arcs = [(self.arcs[n], n in self.back or self.arcs[n].target in found) for n in self.out[node]]
+            choice = [endless for arc, endless in arcs if arc.value is not None]
+            if any(endless for arc, endless in arcs if arc.value is None) or (choice and all(choice)):
+                found.add(node)
+        return found
 
     @cached_property
     def back(self) -> frozenset[int]:

@@ -82,10 +82,11 @@ def _pair(scope: Scope, a: str, b: str, ours: list[Hold], theirs: list[Hold]) ->
 def r3_loops(scope: Scope) -> Iterator[Finding]:
     """R3: a loop has one way in, a way out, and starts over only when all that began in it has finished."""
     flow = scope.flow
-    for name in scope.nodes:
-        node = flow.index[name]
-        if node in flow.rank and node not in flow.ending and name not in scope.streaming and _leads_on(scope, name):
-            yield scope.find("R3", f"nodes.{name}", "goes round without a way to END", "Add an edge out of the loop.")
+    heads = {flow.arcs[n].target for n in flow.back}
+    for node in sorted(heads & flow.endless):
+        name = flow.names[node]
+        hint = "Let a node of it choose with conditional edges between going round and going on."
+        yield scope.find("R3", f"nodes.{name}", f"the loop that begins at {name!r} never ends", hint)
     streaming = frozenset(flow.index[n] for n in scope.streaming)
     for number in sorted(flow.back):
         arc = flow.arcs[number]
@@ -102,10 +103,6 @@ def r3_loops(scope: Scope) -> Iterator[Finding]:
             other = flow.names[running]
             message = f"goes back to {target!r} while {other!r} may still run"
             yield scope.find("R3", f"nodes.{source}", message, f'Join first: add_edge("{other}", "{source}").')
-
-
-def _leads_on(scope: Scope, name: str) -> bool:
-    return bool(scope.flow.out[scope.flow.index[name]])
 
 
 def r4_one_end_per_pass(scope: Scope) -> Iterator[Finding]:
