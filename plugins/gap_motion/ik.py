@@ -149,6 +149,6 @@ def _why_not(chain: Chain, T: Array, found: Array, near: Array, what: str) -> Ex
         low, high = joint_range(chain.spec)
         excess = np.maximum(low - outside, outside - high).max(axis=-1)
         return outside_limits(chain.spec, outside[int(np.argmin(excess))], what)
-    _, positions = chain.frames(near)
-    links = np.linalg.norm(np.diff(positions[1:, 0], axis=0), axis=1).sum()
-    return unreachable(what, float(np.linalg.norm(T[:3, 3] - positions[1, 0])), float(links))
+    joints = chain.frames(near)[1:, 0, :3, 3]
+    links = np.linalg.norm(np.diff(joints, axis=0), axis=1).sum()
+    return unreachable(what, float(np.linalg.norm(T[:3, 3] - joints[0])), float(links))

@@ -10,6 +10,7 @@ from gap_motion.kinematics import Chain
 POSITION, ROTATION = 1e-5, 1e-4  # m, rad: a pose counts as reached
 STEP = 0.6  # rad: the longest joint step of one iteration
 DAMPING = 1e-3
+PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
 
 
 def descend(chain: Chain, T: Array, seeds: Array, limits: tuple[Array, Array], iterations: int = 60) -> Array:
@@ -39,21 +40,28 @@ def descend(chain: Chain, T: Array, seeds: Array, limits: tuple[Array, Array], i
 
 
 def spread(lower: Array, upper: Array, count: int) -> Array:
-    """Deterministic seeds that fill the joint box, shape (count, n): a Halton sequence."""
-    from scipy.stats import qmc
-
-    box = qmc.Halton(len(lower), scramble=False).random(count + 1)[1:]
+    """Deterministic seeds that fill the joint box, shape (count, n): a Halton sequence (Halton 1960)."""
+    box = np.stack([_radical_inverse(np.arange(1, count + 1), prime) for prime in PRIMES[: len(lower)]], axis=1)
     return np.asarray(lower + box * (upper - lower))
+
+
+def _radical_inverse(numbers: Array, base: int) -> Array:
+    """The digits of each number, mirrored at the point."""
+    total, scale = np.zeros(len(numbers)), 1.0
+    while numbers.any():
+        scale /= base
+        numbers, digit = np.divmod(numbers, base)
+        total += digit * scale
+    return total
 
 
 def _error_and_jacobian(chain: Chain, q: Array, T: Array) -> tuple[Array, Array]:
     """Twist to the target (B, 6) and geometric Jacobian (B, 6, n)."""
-    rotations, positions = chain.frames(q)
-    axes = rotations[..., 2].transpose(1, 0, 2)
-    arms = positions[-1][:, None] - positions.transpose(1, 0, 2)
-    jacobian = np.concatenate([np.cross(axes, arms), axes], axis=2).transpose(0, 2, 1)
-    turn = rotation_vector(T[:, :3, :3] @ rotations[-1].transpose(0, 2, 1))
-    return np.concatenate([T[:, :3, 3] - positions[-1], turn], axis=1), jacobian
+    frames = chain.frames(q)
+    axes, positions = (frames[..., :3, k].transpose(1, 0, 2) for k in (2, 3))
+    jacobian = np.concatenate([np.cross(axes, positions[:, -1:] - positions), axes], axis=2).transpose(0, 2, 1)
+    turn = rotation_vector(T[:, :3, :3] @ frames[-1, :, :3, :3].transpose(0, 2, 1))
+    return np.concatenate([T[:, :3, 3] - positions[:, -1], turn], axis=1), jacobian
 
 
 def rotation_vector(R: Array) -> Array:

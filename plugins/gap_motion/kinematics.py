@@ -1,8 +1,7 @@
 """Forward kinematics of an arm, vectorised over configurations, from its MJCF alone.
 
-Every link is fixed to the frame behind one arm joint, so a pose costs one product per joint. Rotations are (N, 3, 3),
-positions (N, 3), both in the arm's base frame unless a T_world_base is given. Finger joints stay where the jaw width
-puts them.
+Every link is fixed to the frame behind one arm joint, so a pose costs one product per joint. Poses are homogeneous
+matrices in the arm's base frame unless a T_world_base is given. Finger joints stay where the jaw width puts them.
 """
 
 from __future__ import annotations
@@ -44,23 +43,20 @@ class Chain:
         """Number of arm joints."""
         return len(self.before)
 
-    def frames(self, q: Array, base: Array | None = None) -> tuple[Array, Array]:
-        """Frames behind every joint for configurations (N, n): rotations (n, N, 3, 3) and positions (n, N, 3)."""
+    def frames(self, q: Array, base: Array | None = None) -> Array:
+        """Frames behind every joint for configurations (N, n): homogeneous (n, N, 4, 4), of the dtype of `q`."""
         q = np.atleast_2d(q)
-        count = len(q)
+        fixed = self.before.astype(q.dtype, copy=False)[:, None]
         cos, sin = np.cos(q).T[:, :, None], np.sin(q).T[:, :, None]
-        R = np.broadcast_to(np.eye(3) if base is None else base[:3, :3], (count, 3, 3))
-        p = np.broadcast_to(np.zeros(3) if base is None else base[:3, 3], (count, 3))
-        rotations, positions = np.empty((self.dof, count, 3, 3)), np.empty((self.dof, count, 3))
-        for i, T in enumerate(self.before):
-            p = p + (R.reshape(-1, 3) @ T[:3, 3]).reshape(count, 3)
-            turned = (R.reshape(-1, 3) @ T[:3, :3]).reshape(count, 3, 3)
-            R = rotations[i]
-            R[..., 0] = cos[i] * turned[..., 0] + sin[i] * turned[..., 1]
-            R[..., 1] = cos[i] * turned[..., 1] - sin[i] * turned[..., 0]
-            R[..., 2] = turned[..., 2]
-            positions[i] = p
-        return rotations, positions
+        step = np.empty((self.dof, len(q), 4, 4), dtype=q.dtype)
+        step[..., 0] = cos * fixed[..., 0] + sin * fixed[..., 1]
+        step[..., 1] = cos * fixed[..., 1] - sin * fixed[..., 0]
+        step[..., 2:] = fixed[..., 2:]
+        out = np.empty_like(step)
+        out[0] = step[0] if base is None else base.astype(q.dtype, copy=False) @ step[0]
+        for i in range(1, self.dof):
+            np.matmul(out[i - 1], step[i], out=out[i])
+        return out
 
     def tcp_poses(self, q: Array, base: Array | None = None) -> Array:
         """Homogeneous T_base_tcp (or T_world_tcp), shape (N, 4, 4)."""
@@ -68,8 +64,7 @@ class Chain:
 
     def poses(self, q: Array, offset: Array, base: Array | None = None) -> Array:
         """Poses of a frame fixed behind the last joint by `offset` (4, 4); shape (N, 4, 4)."""
-        rotations, positions = self.frames(q, base)
-        return attach(rotations[-1], positions[-1], offset)
+        return np.asarray(self.frames(q, base)[-1] @ offset)
 
     def link_offset(self, name: str) -> Array:
         """Transform of a link behind the last joint, shape (4, 4). Raises `BadRequestError` (`unknown_link`)."""
@@ -85,19 +80,10 @@ class Chain:
 
     def jacobian(self, q: Array, offset: Array) -> tuple[Array, Array]:
         """Pose (4, 4) and geometric Jacobian (6, n), linear rows first, of a frame behind the last joint, for one q."""
-        rotations, positions = self.frames(q)
-        T = attach(rotations[-1], positions[-1], offset)[0]
-        axes = rotations[:, 0, :, 2]
-        return T, np.concatenate([np.cross(axes, T[:3, 3] - positions[:, 0]), axes], axis=1).T
-
-
-def attach(R: Array, p: Array, offset: Array) -> Array:
-    """Homogeneous transforms (N, 4, 4) of (R, p) times a fixed (4, 4)."""
-    T = np.zeros((len(p), 4, 4))
-    T[:, :3, :3] = (R.reshape(-1, 3) @ offset[:3, :3]).reshape(-1, 3, 3)
-    T[:, :3, 3] = p + (R.reshape(-1, 3) @ offset[:3, 3]).reshape(-1, 3)
-    T[:, 3, 3] = 1.0
-    return T
+        frames = self.frames(q)[:, 0]
+        T = frames[-1] @ offset
+        axes = frames[:, :3, 2]
+        return T, np.concatenate([np.cross(axes, T[:3, 3] - frames[:, :3, 3]), axes], axis=1).T
 
 
 _CHAINS: dict[int, Chain] = {}  # by id of the spec, which the chain keeps alive
@@ -152,13 +138,13 @@ def sphere_centers(spec: RobotSpec, joints: Sequence[float] | Array, width: floa
     `width` is the jaw opening [m], by default fully open.
     """
     arm = chain(spec)
-    rotations, positions = arm.frames(np.asarray(joints, dtype=float))
+    frames = arm.frames(np.asarray(joints, dtype=float))[:, 0]
     opening = spec.gripper.max_width if width is None else width
     out = np.empty((len(spec.spheres), 3))
     for k, sphere in enumerate(spec.spheres):
         link = arm.links[sphere.link]
         local = link.transform[:3, :3] @ sphere.center + link.transform[:3, 3] + link.slide * opening
-        out[k] = local if link.frame < 0 else rotations[link.frame, 0] @ local + positions[link.frame, 0]
+        out[k] = local if link.frame < 0 else frames[link.frame, :3, :3] @ local + frames[link.frame, :3, 3]
     return out
 
 

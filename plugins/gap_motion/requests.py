@@ -129,3 +129,11 @@ class Cell:
         shift = np.eye(4)
         shift[:3, 3] = offset
         return np.asarray(self._to_base @ T_world_tcp @ shift @ np.linalg.inv(inner))
+
+
+def unit_vector(v: Vec3, what: str) -> Array:
+    """Its direction, shape (3,). Raises `BadRequestError` when it is not finite or has no length."""
+    length = float(np.linalg.norm(v.array))
+    if not np.isfinite(length) or length < 1e-9:
+        raise BadRequestError("range", f"{what} must be a finite direction, got {v}.")
+    return np.asarray(v.array / length)

@@ -18,7 +18,7 @@ from gap_cli.contracts.types import Array
 
 SPACING = 0.9  # of the radius of a capsule, between centres: the spheres then stick out by at most 10 % of it
 CELL = 0.011  # m: a box is cut into cells of about this size, but never into more than MAX_CELLS along an axis
-MAX_CELLS = 3
+MAX_CELLS = 2
 
 
 def read_spheres(path: Path) -> tuple[CollisionSphere, ...]:

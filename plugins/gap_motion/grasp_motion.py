@@ -1,0 +1,78 @@
+"""The three phases of a grasp: freely to before it, straight in, straight away with the object."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gap_cli.contracts.failures import PlanningError
+from gap_cli.contracts.types import Array, Trajectory, WorldConfig
+from gap_motion.checker import Checker
+from gap_motion.free_motion import timed
+from gap_motion.goals import free_goals, within_limits
+from gap_motion.moves import straight
+from gap_motion.obstacles import containing
+from gap_motion.planner import plan, refuse_contact
+from gap_motion.situation import Situation
+
+TOUCH = 0.01  # m: an obstacle this near to the grasp's TCP is the one being grasped
+STARTS = 8  # configurations before the grasp that are tried in turn
+RETRIES = 3
+
+
+def grasp_motion(
+    situation: Situation,
+    start: Array,
+    grasp: Array,
+    approach: Array,
+    lift: Array,
+    config: WorldConfig | None,
+    name: str,
+    seed: int,
+) -> tuple[Trajectory, Trajectory, Trajectory]:
+    """Approach, grasp and lift for a TCP pose (4, 4); `approach` and `lift` are straight ways (3,) in the world [m].
+
+    Raises `PlanningError`, `BadRequestError` (`unknown_obstacle`).
+    """
+    cell, before, after = situation.cell, grasp.copy(), grasp.copy()
+    before[:3, 3] -= approach
+    after[:3, 3] += lift
+    grasped = [name] if name else containing(config, grasp[None, :3, 3], TOUCH)
+    free, reaching = situation.checker(start), situation.checker(reaching=True, grasped=grasped)
+    rows = within_limits(cell.chain, cell.last_frame(before)[None], start)
+    if not len(rows[0]):
+        straight(cell, start, cell.last_frame(before))  # says why it cannot be reached
+        raise PlanningError("unreachable", "The pose before the grasp has no configuration within the limits.")
+    goals = free_goals(free, rows, STARTS)[0]
+    if not len(goals):
+        refuse_contact(free, rows[0][0], "The arm before the grasp")
+    problem: PlanningError | None = None
+    for q in goals:
+        try:
+            down = _checked(reaching, straight(cell, q, cell.last_frame(grasp)), "grasp")
+            at_grasp = down.positions[-1]
+            carrying = situation.holding(config, grasped[0], at_grasp) if grasped and config else situation
+            up = straight(cell, at_grasp, cell.last_frame(after))
+            up = _checked(carrying.checker(at_grasp, reaching=True, grasped=grasped), up, "lift")
+            return _freely(free, start, q, seed), down, up
+        except PlanningError as error:
+            problem = problem or error
+    raise problem or PlanningError("no_path", "No configuration before the grasp is free.")
+
+
+def _freely(checker: Checker, start: Array, goal: Array, seed: int) -> Trajectory:
+    for attempt in range(RETRIES):
+        found = timed(checker, plan(checker, start, goal[None], seed + 7919 * attempt).waypoints)
+        if found is not None:
+            return found
+    raise PlanningError("no_path", f"No approach stayed free once it was timed, with {RETRIES} seeds.")
+
+
+def _checked(checker: Checker, trajectory: Trajectory, phase: str) -> Trajectory:
+    contact = checker.first_contact(np.asarray(trajectory.positions))
+    if contact is not None:
+        raise PlanningError(
+            "in_collision",
+            f"The {phase} is in collision: {contact} at waypoint {contact.index} of {len(trajectory.times) - 1}.",
+            detail={"pair": [contact.link, contact.other], "waypoint": contact.index, "phase": phase},
+        )
+    return trajectory
