@@ -2,62 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
 from typing import Any
 
 from gap_cli.graph.model import START, Node, Workflow
-from gap_cli.report.layout import back_links, layers
+from gap_cli.graph.render.layout import Drawing, Placed, Point, lay_out
 
 CHAR, LINE = 7.4, 17.0  # px: of the monospace text inside a box
-PAD, GAP_X, GAP_Y = 12.0, 46.0, 58.0
+PAD, ASIDE = 12.0, 90.0
 MIN_WIDTH = 96.0
 GOOD, FAIR = 0.9, 0.5
+_ARROW = (
+    '<defs><marker id="arrow" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" orient="auto">'
+    '<path d="M0 0 8 4 0 8z"/></marker></defs>'
+)
 
 
 @dataclass(frozen=True)
-class Box:
-    """One top-level node, placed [px]."""
+class Content:
+    """What stands in one top-level node's box."""
 
-    name: str
-    css: str
     title: str
-    note: str
-    lines: tuple[str, ...]
-    x: float
-    y: float
-    width: float
-    height: float
+    css: str
+    note: str = ""
+    lines: tuple[tuple[str, str], ...] = ()
 
     @property
-    def top(self) -> tuple[float, float]:
-        """Where edges enter."""
-        return self.x + self.width / 2, self.y
-
-    @property
-    def bottom(self) -> tuple[float, float]:
-        """Where edges leave."""
-        return self.x + self.width / 2, self.y + self.height
+    def size(self) -> tuple[float, float]:
+        """Width and height [px]."""
+        texts = (self.title, self.note, *(f"{name} {callee}" for name, callee in self.lines))
+        rows = 1 + bool(self.note) + len(self.lines)
+        return max(MIN_WIDTH, CHAR * max(map(len, texts)) + 2 * PAD), rows * LINE + 2 * PAD - 4
 
 
 def graph_svg(workflow: Workflow, subgraphs: Mapping[str, Mapping[str, Any]]) -> str:
-    """The drawing. `subgraphs` maps a top-level node to its entry in summary.json, where there is one."""
-    links = edges(workflow)
+    """The drawing: what should happen from top to bottom, where failures lead to aside. `subgraphs` maps a top-level
+    node to its entry in summary.json, where there is one."""
+    contents = {START: Content("start", "start")}
+    contents |= {name: _content(name, node, workflow, subgraphs.get(name)) for name, node in workflow.nodes.items()}
     aside = [name for name, node in workflow.nodes.items() if node.status == "failure"]
-    names = [n for n in (START, *workflow.nodes) if n not in aside]
-    main = [link for link in links if not set(link) & set(aside)]
-    boxes = _place(workflow, subgraphs, layers(names, main), aside)
-    back = back_links(names, main)
-    width = max(b.x + b.width for b in boxes.values()) + 24
-    height = max(b.y + b.height for b in boxes.values()) + 8
-    paths = [_edge(boxes[a], boxes[b], label, b in aside, (a, b) in back) for (a, b), label in links.items()]
-    arrow = '<marker id="arrow" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" orient="auto">'
+    links = edges(workflow)
+    main = lay_out(
+        {name: content.size for name, content in contents.items() if name not in aside},
+        [link for link in links if link[1] not in aside],
+    )
+    boxes = dict(main.boxes) | _beside(main, {name: contents[name].size for name in aside})
+    paths = [_edge(points, links[link]) for link, points in sorted(main.routes.items())]
+    paths += [_failure(boxes[a], boxes[b], label) for (a, b), label in links.items() if b in aside]
+    width = max(b.x + b.width for b in boxes.values()) + 2 * PAD
+    height = max(b.y + b.height for b in boxes.values()) + 2 * PAD
     return (
-        f'<svg class="graph" viewBox="0 0 {width:.0f} {height:.0f}" style="width:{width:.0f}px" role="img" '
-        f'aria-label="the graph"><defs>{arrow}<path d="M0 0 8 4 0 8z"/></marker></defs>'
-        + "".join(paths)
-        + "".join(_box(b) for b in boxes.values())
+        f'<svg class="graph" viewBox="{-PAD:.0f} {-PAD:.0f} {width:.0f} {height:.0f}" style="width:{width:.0f}px" '
+        f'role="img" aria-label="the graph">{_ARROW}{"".join(paths)}'
+        + "".join(_box(contents[name], box) for name, box in boxes.items())
         + "</svg>"
     )
 
@@ -74,92 +73,68 @@ def edges(workflow: Workflow) -> dict[tuple[str, str], str]:
     return {link: ", ".join(labels) for link, labels in found.items() if set(link) <= known}
 
 
-def _place(
-    workflow: Workflow, subgraphs: Mapping[str, Mapping[str, Any]], rows: list[list[str]], aside: list[str]
-) -> dict[str, Box]:
-    """Rows from top to bottom, each centred; what failures lead to stands aside, at the bottom right."""
-    drafts = {n: _draft(n, workflow, subgraphs.get(n)) for n in (*(n for row in rows for n in row), *aside)}
-    widths = [sum(drafts[n].width for n in row) + GAP_X * (len(row) - 1) for row in rows]
-    middle, y = max(widths) / 2 + 8, 8.0
-    placed: dict[str, Box] = {}
-    for row, width in zip(rows, widths, strict=True):
-        x = middle - width / 2
-        for name in row:
-            placed[name] = replace(drafts[name], x=x, y=y)
-            x += drafts[name].width + GAP_X
-        y += max(drafts[n].height for n in row) + GAP_Y
-    bottom = y - GAP_Y
-    right = max(b.x + b.width for b in placed.values()) + 2 * GAP_X
-    for name in aside:
-        placed[name] = replace(drafts[name], x=right, y=bottom - drafts[name].height)
-        right += drafts[name].width + GAP_X
-    return placed
-
-
-def _draft(name: str, workflow: Workflow, stats: Mapping[str, Any] | None) -> Box:
-    node = workflow.nodes.get(name)
-    css, note, lines = _content(node, workflow, stats)
-    title = name if name != START else "start"
-    width = max(MIN_WIDTH, CHAR * max(len(t) for t in (title, note, *lines)) + 2 * PAD)
-    rows = 1 + bool(note) + len(lines)
-    return Box(name, css, title, note, lines, 0, 0, width, rows * LINE + 2 * PAD - 4)
-
-
-def _content(
-    node: Node | None, workflow: Workflow, stats: Mapping[str, Any] | None
-) -> tuple[str, str, tuple[str, ...]]:
-    if node is None:
-        return "start", "", ()
+def _content(name: str, node: Node, workflow: Workflow, stats: Mapping[str, Any] | None) -> Content:
     if node.type == "end":
-        recovery = tuple(f"recover: {call.tool}" for call in node.recovery)
-        return f"end {node.status or ''}", "", recovery
+        return Content(name, f"end {node.status or ''}", lines=tuple(("recover:", c.tool) for c in node.recovery))
     definition = workflow.subgraphs.get(node.ref or "")
     if definition is None:
-        return "subgraph", str(node.ref), ()
-    lines = tuple(f"{n}  {_callee(d)}" for n, d in definition.nodes.items())
-    css, note = "subgraph", definition.skill
-    if stats is not None:
-        rate = stats["validation"]
-        css += " good" if rate["rate"] >= GOOD else " fair" if rate["rate"] >= FAIR else " poor"
-        note += f"  {rate['passed']}/{rate['of']}"
-    return css, note, lines
+        return Content(name, "subgraph", str(node.ref))
+    lines = tuple((inner, _callee(d)) for inner, d in definition.nodes.items())
+    if stats is None:
+        return Content(name, "subgraph", definition.skill, lines)
+    rate = stats["validation"]
+    css = "good" if rate["rate"] >= GOOD else "fair" if rate["rate"] >= FAIR else "poor"
+    return Content(name, f"subgraph {css}", f"{definition.skill} {rate['passed']}/{rate['of']}", lines)
 
 
 def _callee(node: Node) -> str:
     return node.tool or (node.script or "").rpartition("/")[2] or node.type
 
 
-def _box(box: Box) -> str:
+def _box(content: Content, box: Placed) -> str:
     cx, y = box.x + box.width / 2, box.y + PAD + 9
-    text = [f'<text class="name" x="{cx:.1f}" y="{y:.1f}">{escape(box.title)}</text>']
-    if box.note:
+    text = [f'<text class="name" x="{cx:.1f}" y="{y:.1f}">{escape(content.title)}</text>']
+    if content.note:
         y += LINE
-        text.append(f'<text class="note" x="{cx:.1f}" y="{y:.1f}">{escape(box.note)}</text>')
-    for line in box.lines:
+        text.append(f'<text class="note" x="{cx:.1f}" y="{y:.1f}">{escape(content.note)}</text>')
+    for name, callee in content.lines:
         y += LINE
-        node, _, callee = line.partition("  ")
-        ink = f'<tspan class="id">{escape(node)}</tspan><tspan dx="{CHAR:.1f}">{escape(callee)}</tspan>'
+        ink = f'<tspan class="id">{escape(name)}</tspan><tspan dx="{CHAR:.1f}">{escape(callee)}</tspan>'
         text.append(f'<text class="node" x="{box.x + PAD:.1f}" y="{y:.1f}">{ink}</text>')
     return (
-        f'<g class="{escape(box.css)}"><rect x="{box.x:.1f}" y="{box.y:.1f}" width="{box.width:.1f}" '
+        f'<g class="{escape(content.css)}"><rect x="{box.x:.1f}" y="{box.y:.1f}" width="{box.width:.1f}" '
         f'height="{box.height:.1f}" rx="7"/>{"".join(text)}</g>'
     )
 
 
-def _edge(a: Box, b: Box, label: str, fails: bool, back: bool) -> str:
-    (x1, y1), (x2, y2) = a.bottom, b.top
-    if fails:  # to the right, then down
-        x1, y1 = a.x + a.width, a.y + a.height / 2
-        path = f"M{x1:.1f} {y1:.1f} H{x2 - 24:.1f} Q{x2:.1f} {y1:.1f} {x2:.1f} {min(y1 + 24, y2):.1f} V{y2:.1f}"
-        middle = x1 + 8 + CHAR * len(label) / 2, y1 - 6
-    elif back:  # around the left side
-        side = min(a.x, b.x) - 30
-        path = f"M{x1:.1f} {y1:.1f} C{side:.1f} {y1 + 40:.1f} {side:.1f} {y2 - 40:.1f} {x2:.1f} {y2:.1f}"
-        middle = side + 10, (y1 + y2) / 2
-    else:
-        bend = (y2 - y1) / 2
-        path = f"M{x1:.1f} {y1:.1f} C{x1:.1f} {y1 + bend:.1f} {x2:.1f} {y2 - bend:.1f} {x2:.1f} {y2:.1f}"
-        middle = x1 + (x2 - x1) * 0.3, y1 + (y2 - y1) * 0.4
-    text = f'<text class="exit" x="{middle[0]:.1f}" y="{middle[1]:.1f}">{escape(label)}</text>' if label else ""
-    css = "edge fails" if fails else "edge"
+def _beside(main: Drawing, sizes: Mapping[str, tuple[float, float]]) -> dict[str, Placed]:
+    """Boxes to the right of a drawing, standing on its ground."""
+    placed, x = {}, main.width + ASIDE
+    for name, (width, height) in sizes.items():
+        placed[name] = Placed(x, max(0.0, main.height - height), width, height)
+        x += width + ASIDE
+    return placed
+
+
+def _edge(points: Sequence[Point], label: str) -> str:
+    (x, y), *rest = points
+    path = f"M{x:.1f} {y:.1f}"
+    for nx, ny in rest:
+        bend = (ny - y) / 2
+        path += f" C{x:.1f} {y + bend:.1f} {nx:.1f} {ny - bend:.1f} {nx:.1f} {ny:.1f}"
+        x, y = nx, ny
+    (x1, y1), (x2, y2) = points[0], points[1]
+    return _path("edge", path, x1 + 0.42 * (x2 - x1), y1 + 0.42 * (y2 - y1) + 4, label)
+
+
+def _failure(a: Placed, b: Placed, label: str) -> str:
+    """To the right, then down."""
+    x1, y1, (x2, y2) = a.x + a.width, a.y + a.height / 2, b.top
+    bend = min(24.0, max(y2 - y1, 0.0))
+    path = f"M{x1:.1f} {y1:.1f} H{x2 - bend:.1f} Q{x2:.1f} {y1:.1f} {x2:.1f} {y1 + bend:.1f} V{y2:.1f}"
+    return _path("edge fails", path, x1 + 10 + CHAR * len(label) / 2, y1 - 6, label)
+
+
+def _path(css: str, path: str, x: float, y: float, label: str) -> str:
+    text = f'<text class="exit" x="{x:.1f}" y="{y:.1f}">{escape(label)}</text>' if label else ""
     return f'<path class="{css}" d="{path}" marker-end="url(#arrow)"/>{text}'

@@ -20,7 +20,7 @@ def parse(svg):
 
 
 def test_it_is_well_formed_whatever_the_names(workflow):
-    text = "".join(parse(graph_svg(workflow, {})).itertext())
+    text = " ".join(parse(graph_svg(workflow, {})).itertext())
     for word in ("start", "main", "fake", "look", "fake.Look", "act<b>", "abort", "recover: fake.Grip"):
         assert word in text
 
