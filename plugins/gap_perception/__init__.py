@@ -7,8 +7,8 @@ from gap_cli.hookspecs import Register, hookimpl
 
 @hookimpl
 def gap_register_tools(register: Register) -> None:
-    from gap_perception import detect, language, observation, segment
+    from gap_perception import detect, language, mesh, observation, segment, tracker
 
-    for module in (observation, detect, segment, language):
+    for module in (observation, detect, segment, language, tracker, mesh):
         for tool in module.TOOLS:
             register(tool)

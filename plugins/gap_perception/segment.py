@@ -76,7 +76,7 @@ def sam3_segment_box(
     from gap_perception.boxes import fill
 
     if use_point:
-        _check_pixel(image, pixel_x, pixel_y)
+        check_pixel(image, pixel_x, pixel_y)
     found = fill(ctx, image, box)
     if use_point:
         found = sorted(found, key=lambda f: not f[1][pixel_y, pixel_x])
@@ -103,12 +103,13 @@ TEXT_SCORE = 0.2  # probability from which SegmentText returns a segment, as Det
 def _at_point(ctx: ToolContext, image: Image, x: int, y: int) -> Segments:
     from gap_perception.views import see
 
-    _check_pixel(image, x, y)
+    check_pixel(image, x, y)
     hit = [c for c in see(ctx, image).candidates if c.mask[y, x]]
     return Segments([Mask(c.mask) for c in hit], [max(c.scores.values(), default=0.5) for c in hit])
 
 
-def _check_pixel(image: Image, x: int, y: int) -> None:
+def check_pixel(image: Image, x: int, y: int) -> None:
+    """Raise `BadRequestError` (`outside`) unless the pixel is in the image."""
     rows, columns = image.data.shape[:2]
     if not (0 <= x < columns and 0 <= y < rows):
         raise BadRequestError("outside", f"Pixel ({x}, {y}) is outside the {columns}x{rows} image.")
