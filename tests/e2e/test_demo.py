@@ -1,55 +1,55 @@
-"""From a sentence to a rehearsed graph in the real cell, twice: what git would see is the same, byte for byte."""
+"""The demo at n=2, twice: what git sees of the second is what it saw of the first, whatever the day and the workers."""
 
 from __future__ import annotations
 
+import datetime
 import json
-import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+pytestmark = [pytest.mark.sim, pytest.mark.slow]
 ROOT = Path(__file__).parents[2]
-pytestmark = [pytest.mark.sim, pytest.mark.slow, pytest.mark.xdist_group("demo")]
 
 
-def gap(*arguments, cwd):
-    env = os.environ | {"NO_COLOR": "1", "COLUMNS": "200"}
-    command = [sys.executable, "-m", "gap_cli.main", *arguments]
-    return subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, timeout=400, check=True)
+def demo(folder, workers):
+    command = [sys.executable, "-m", "gap_cli.main", "demo", "-n", "2", "--workers", str(workers)]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
 
 
-def visible(folder):
-    """Name and bytes of every file git would keep, by the repository's own .gitignore."""
-    subprocess.run(["git", "init", "-q"], cwd=folder, check=True)
-    (folder / ".gitignore").write_bytes((ROOT / ".gitignore").read_bytes())
-    list_files = ["git", "ls-files", "--others", "--exclude-standard", "runs"]
-    listed = subprocess.run(list_files, cwd=folder, capture_output=True, text=True, check=True)
-    return {name: (folder / name).read_bytes() for name in listed.stdout.splitlines()}
+def git(folder, *arguments):
+    command = ["git", "-c", "user.name=t", "-c", "user.email=t@localhost", *arguments]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True).stdout
 
 
-@pytest.fixture(scope="module")
-def demos(tmp_path_factory):
-    """The demo at two instances, with one worker and with two."""
-    folders = []
-    for workers in (1, 2):
-        folder = tmp_path_factory.mktemp(f"demo{workers}")
-        gap("demo", "-n", "2", "--workers", str(workers), cwd=folder)
-        folders.append(folder)
-    return folders
+def test_two_demos_do_not_differ_and_hold_what_they_promise(tmp_path):
+    git(tmp_path, "init", "--quiet")
+    shutil.copy(ROOT / ".gitignore", tmp_path)
+    out = demo(tmp_path, workers=1)
+    (run,) = (tmp_path / "runs").iterdir()
+    for path in ("report.html", "rehearse/00/feedback.md", "generate/workflow.json"):
+        assert str(Path("runs") / run.name / path) in out
+        assert (run / path).stat().st_size > 0
+    git(tmp_path, "add", "--all")
+    git(tmp_path, "commit", "--quiet", "--message", "first")
+    seen = git(tmp_path, "ls-files").split()
+    assert f"runs/{run.name}/rehearse/00/episodes.jsonl" in seen
+    assert not [
+        name for name in seen if name.endswith((".png", ".mcap", ".log", "meta.json", "timings.jsonl", ".html"))
+    ]
+    today = datetime.datetime.now(datetime.UTC).date().isoformat()
+    assert not [name for name in seen if today in (tmp_path / name).read_text()]
 
+    shutil.rmtree(run)
+    demo(tmp_path, workers=2)
+    assert git(tmp_path, "status", "--porcelain") == ""
 
-def test_the_demo_leaves_a_whole_run(demos):
-    (run,) = (demos[0] / "runs").iterdir()
-    summary = json.loads((run / "rehearse" / "00" / "summary.json").read_text())
-    assert (summary["success"]["passed"], summary["success"]["of"]) == (2, 2)
-    for name in ("run.yaml", "lock.json", "plan/plan.json", "generate/workflow.json", "validate/findings.json"):
-        assert (run / name).stat().st_size > 0, name
-    assert (run / "report.html").stat().st_size > 10_000
-
-
-def test_workers_and_repetition_change_no_byte(demos):
-    one, two = (visible(folder) for folder in demos)
-    assert one.keys() == two.keys() and len(one) > 10
-    assert [name for name in one if one[name] != two[name]] == []
+    summary = json.loads((run / "rehearse/00/summary.json").read_text())
+    assert summary["episodes"] == 2 and not summary["partial"] and not summary["void"]
+    assert [s["stage"] for s in summary["subgraphs"]] == ["perceive", "perceive", "grasp", "place"]
+    assert summary["privileged_tools"] == []
