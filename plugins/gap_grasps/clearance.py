@@ -1,51 +1,77 @@
-"""Does the open hand fit? Fingers and palm as boxes in the TCP frame against points and the support."""
+"""Does the open hand fit? Fingers as boxes and the palm as its collision spheres, against points and the support."""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import NamedTuple
 
-from gap_cli.contracts.robot import GripperSpec
+import numpy as np
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from gap_cli.contracts.robot import GripperSpec, RobotSpec
 from gap_cli.contracts.types import Array
 
-OPENING_SLACK = 0.008  # m the jaws open beyond the object, shared by both sides
-SUPPORT_GAP = 0.003  # m the fingertips stay above the support
-PALM_HALF = (0.03, 0.10, 0.03)  # m: half sizes of the palm box along x, y (closing) and z of the TCP frame
+SUPPORT_GAP = 0.003  # m the hand stays above the support
+FINGER_GAP = 0.0015  # m the fingers stay away from points
+SHADOW = 0.06  # m of straight approach on which the fingers must be free
+STRAY = 2  # points in the hand's way that are no obstacle: noise puts some anywhere
+BATCH = 64  # poses looked at together
 
 
-def clear_of(points: Array, T_tcp: Array, opening: Array, gripper: GripperSpec, *, tolerance: int = 2) -> Array:
-    """True for each pose (K,) whose fingers and palm contain at most `tolerance` of the points (N, 3).
+class Hand(NamedTuple):
+    """The open hand in the TCP frame: the gripper, and the palm's spheres, `centers` (S, 3) and `radii` (S,) [m]."""
 
-    `opening` (K,) is the jaw width on approach [m]. Noise puts stray points anywhere; two are no obstacle.
-    """
-    half_y, half_x, half_z = gripper.finger_size
-    reach = gripper.finger_depth + half_z
-    out = np.zeros(len(T_tcp), dtype=bool)
-    for i, T in enumerate(T_tcp):
-        local = (points - T[:3, 3]) @ T[:3, :3]
-        x, y, z = np.abs(local[:, 0]), np.abs(local[:, 1]), local[:, 2]
-        inner = opening[i] / 2
-        finger = (x <= half_x) & (y >= inner) & (y <= inner + 2 * half_y) & (z <= half_z) & (z >= -reach)
-        palm = (x <= PALM_HALF[0]) & (y <= PALM_HALF[1]) & (z <= -reach) & (z >= -reach - 2 * PALM_HALF[2])
-        out[i] = int(np.count_nonzero(finger | palm)) <= tolerance
-    return out
+    gripper: GripperSpec
+    centers: Array
+    radii: Array
 
-
-def above(floor: float, T_tcp: Array, opening: Array, gripper: GripperSpec) -> Array:
-    """True for each pose (K,) whose fingertips and palm corners stay `SUPPORT_GAP` above a level support [m]."""
-    half_y, half_x, half_z = gripper.finger_size
-    reach = gripper.finger_depth + half_z
-    lowest = np.full(len(T_tcp), np.inf)
-    for sx in (-1, 1):
-        for sy in (-1, 1):
-            tip = np.stack(
-                [np.full(len(T_tcp), sx * half_x), sy * (opening / 2 + 2 * half_y), np.full(len(T_tcp), half_z)], axis=1
-            )
-            palm = np.array([sx * PALM_HALF[0], sy * PALM_HALF[1], -reach])
-            for corner in (tip, np.tile(palm, (len(T_tcp), 1))):
-                lowest = np.minimum(lowest, T_tcp[:, 2, 3] + np.einsum("ni,ni->n", T_tcp[:, 2, :3], corner))
-    return lowest >= floor + SUPPORT_GAP
+    @classmethod
+    def of(cls, spec: RobotSpec) -> Hand:
+        """The hand of a robot: the collision spheres of its flange link."""
+        w, x, y, z = spec.tcp_offset_quaternion
+        turn = Rotation.from_quat([x, y, z, w]).as_matrix()
+        spheres = [s for s in spec.spheres if s.link == spec.flange_link]
+        centers = np.array([s.center for s in spheres]).reshape(-1, 3) - spec.tcp_offset_position
+        return cls(spec.gripper, centers @ turn, np.array([s.radius for s in spheres]))
 
 
-def jaw_opening(width: Array, gripper: GripperSpec) -> Array:
-    """How wide the jaws open for contacts `width` apart [m]: some slack, never more than they can."""
-    return np.minimum(width + OPENING_SLACK, gripper.max_width)
+def clear_of(points: Array, T_tcp: Array, hand: Hand) -> Array:
+    """True for each pose (K,) whose open fingers, on their way in, and palm meet at most `STRAY` points (N, 3)."""
+    if not len(points) or not len(T_tcp):
+        return np.ones(len(T_tcp), dtype=bool)
+    free = _palm_is_free(points, T_tcp, hand)
+    half_y, half_x, half_z = hand.gripper.finger_size
+    inner = hand.gripper.max_width / 2
+    outer, back = inner + 2 * half_y, hand.gripper.finger_depth + half_z + SHADOW
+    small = points.astype(np.float32)
+    for start in range(0, len(T_tcp), BATCH):
+        T = T_tcp[start : start + BATCH].astype(np.float32)
+        local = small @ T[:, :3, :3] - np.einsum("ki,kij->kj", T[:, :3, 3], T[:, :3, :3])[:, None]
+        y, z = np.abs(local[..., 1]), local[..., 2]
+        inside = (y >= inner - FINGER_GAP) & (y <= outer + FINGER_GAP) & (z <= half_z + FINGER_GAP) & (z >= -back)
+        inside &= np.abs(local[..., 0]) <= half_x + FINGER_GAP
+        free[start : start + BATCH] &= np.count_nonzero(inside, axis=1) <= STRAY
+    return free
+
+
+def _palm_is_free(points: Array, T_tcp: Array, hand: Hand) -> Array:
+    if not len(hand.radii):
+        return np.ones(len(T_tcp), dtype=bool)
+    centers = hand.centers @ T_tcp[:, :3, :3].transpose(0, 2, 1) + T_tcp[:, None, :3, 3]
+    k = min(STRAY + 1, len(points))
+    distance, _ = cKDTree(points).query(
+        centers.reshape(-1, 3), k=[k], distance_upper_bound=float(hand.radii.max()) + 1e-6
+    )
+    return np.asarray((distance.reshape(len(T_tcp), -1) >= hand.radii).all(axis=1))
+
+
+def above(floor: float, T_tcp: Array, hand: Hand) -> Array:
+    """True for each pose (K,) whose open fingertips and palm stay `SUPPORT_GAP` above a level support [m]."""
+    half_y, half_x, half_z = hand.gripper.finger_size
+    outer = hand.gripper.max_width / 2 + 2 * half_y
+    down = -T_tcp[:, 2, :3]  # how much each axis of the TCP points down
+    lowest = T_tcp[:, 2, 3] - np.abs(down[:, 0]) * half_x - np.abs(down[:, 1]) * outer - down[:, 2] * half_z
+    if len(hand.radii):
+        spheres = T_tcp[:, 2, 3, None] - down @ hand.centers.T - hand.radii
+        lowest = np.minimum(lowest, spheres.min(axis=1))
+    return np.asarray(lowest >= floor + SUPPORT_GAP)

@@ -7,16 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from gap_cli.contracts.failures import BadRequestError, PerceptionError
-from gap_cli.contracts.robot import GripperSpec
 from gap_cli.contracts.types import Array
-from gap_grasps.clearance import above, clear_of, jaw_opening
+from gap_grasps.clearance import Hand, above, clear_of
 from gap_grasps.sampling import antipodal_pairs, poses_around
 from gap_grasps.scoring import score_poses
-from gap_grasps.surface import Surface, closed_surface, seen_surface
+from gap_grasps.surface import Surface, closed_surface, seen_surface, thinned
 
 MIN_POINTS = 30  # fewer do not show a surface
-MAX_POINTS = 4000  # more add nothing at a pad's size and cost time
+MAX_POINTS = 6000  # more add nothing at a pad's size and cost time
 MAX_SCORED = 600  # poses that go through the collision and scoring stage
+NEARBY = 0.25  # m from the target beyond which nothing can meet the hand
+COARSE = 0.005  # m between the points of obstacles
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,8 @@ class Grasps:
 def prepare(points: Array, floor: float | None, rng: np.random.Generator, *, remove_outliers: bool = True) -> Surface:
     """The surface to grasp. Raises `PerceptionError` (`too_few_points`) when the cloud shows none."""
     points = points[np.isfinite(points).all(axis=1)]
+    if len(points):
+        points = thinned(points)
     if remove_outliers and len(points) > MIN_POINTS:
         points = points[_inliers(points)]
     if len(points) < MIN_POINTS:
@@ -44,7 +47,7 @@ def prepare(points: Array, floor: float | None, rng: np.random.Generator, *, rem
 
 def generate(
     surface: Surface,
-    gripper: GripperSpec,
+    hand: Hand,
     rng: np.random.Generator,
     *,
     count: int,
@@ -55,20 +58,32 @@ def generate(
     """Up to `count` grasps, best first; `preferred` (3,) is the approach direction poses lean to. May be empty."""
     if count < 1:
         raise BadRequestError("range", f"At least one grasp must be asked for, not {count}.")
-    pairs = antipodal_pairs(surface, 8 * count, gripper.max_width, rng)
-    T, pair = poses_around(pairs, preferred)
+    pairs = antipodal_pairs(surface, 4 * count, hand.gripper.max_width, preferred, rng)
+    T, pair = poses_around(pairs, preferred, rng)
+    if floor is not None:
+        fits = above(floor, T, hand)
+        T, pair = T[fits], pair[fits]
     if len(T) > MAX_SCORED:
         keep = np.sort(rng.choice(len(T), MAX_SCORED, replace=False))
         T, pair = T[keep], pair[keep]
-    opening = jaw_opening(pairs.width[pair], gripper)
-    fits = np.ones(len(T), dtype=bool) if floor is None else above(floor, T, opening, gripper)
-    around = surface.points if obstacles is None else np.concatenate([surface.points, obstacles])
-    fits[fits] = clear_of(around, T[fits], opening[fits], gripper)
+    around = surface.points if obstacles is None else np.concatenate([surface.points, _near(obstacles, surface)])
+    fits = clear_of(around, T, hand)
     T, pair = T[fits], pair[fits]
-    scores = score_poses(surface, T, gripper) * (0.5 + 0.5 * (T[:, :3, 2] @ preferred))
+    scores = score_poses(surface, T, hand.gripper) * leaning(T, preferred)
     order = np.lexsort((np.arange(len(T)), -scores))[:count]
     order = order[scores[order] > 0]
     return Grasps(T[order], scores[order], pairs.first[pair[order]])
+
+
+def leaning(T: Array, preferred: Array) -> Array:
+    """Factor (K,) of a score by how far the approach leans away from the preferred one: 1 along it, 1/2 across."""
+    return np.asarray(0.5 + 0.5 * (T[:, :3, 2] @ preferred))
+
+
+def _near(obstacles: Array, surface: Surface) -> Array:
+    low, high = surface.points.min(axis=0) - NEARBY, surface.points.max(axis=0) + NEARBY
+    near = obstacles[((obstacles >= low) & (obstacles <= high)).all(axis=1)]
+    return thinned(near, COARSE) if len(near) else near
 
 
 def _inliers(points: Array) -> Array:
@@ -77,4 +92,4 @@ def _inliers(points: Array) -> Array:
 
     distance, _ = cKDTree(points).query(points, k=9)
     mean = distance[:, 1:].mean(axis=1)
-    return np.asarray(mean <= mean.mean() + 2 * mean.std())
+    return np.asarray(mean <= mean.mean() + 2 * mean.std() + 1e-9)

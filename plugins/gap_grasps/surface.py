@@ -1,16 +1,21 @@
-"""An object's surface from a partial cloud: normals, and the sides no camera saw closed down to the support."""
+"""An object's surface from a partial cloud: normals, and the upright sides no camera saw."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError, cKDTree
+from scipy.ndimage import grey_closing
+from scipy.spatial import cKDTree
 
 from gap_cli.contracts.types import Array
 
-NEIGHBOURS = 12  # for a local plane; a dozen is enough at the 2-4 mm spacing of a tabletop cloud
-WALL_STEP = 0.004  # m between the samples of a closed side
+SPACING = 0.003  # m between the points of a surface, and the side of a height map's cells
+NEIGHBOURS = 12  # for a local plane: about the area of a fingertip
+STEP = 0.006  # m of height between neighbouring cells from which the drop between them is taken for a wall
+WALL_STEP = 0.004  # m of height between the samples of a wall
+ALONG = 9  # neighbours along a wall's foot that straighten its stairs
+MOST_CELLS = 1_000_000  # of a height map: stray points metres away must not fill the memory
 
 
 @dataclass(frozen=True)
@@ -23,8 +28,20 @@ class Surface:
 
     @property
     def centroid(self) -> Array:
-        """Middle of the bounding box, shape (3,): less biased by where the cameras stood than the mean."""
-        return np.asarray((self.points.min(axis=0) + self.points.max(axis=0)) / 2)
+        """Middle of what was seen, shape (3,): each square of it counts once, however often cameras saw it."""
+        seen = self.points[~self.guessed]
+        low, high = seen.min(axis=0), seen.max(axis=0)
+        cells = np.unique(np.floor(seen[:, :2] / SPACING).astype(int), axis=0)
+        return np.append((cells + 0.5).mean(axis=0) * SPACING, (low[2] + high[2]) / 2)
+
+
+def thinned(points: Array, spacing: float = SPACING) -> Array:
+    """One point, the mean, per occupied cell of a grid, shape (M, 3)."""
+    _, index, counts = np.unique(
+        np.floor(points / spacing).astype(np.int64), axis=0, return_inverse=True, return_counts=True
+    )
+    sums = np.stack([np.bincount(index.ravel(), points[:, i]) for i in range(3)], axis=1)
+    return np.asarray(sums / counts[:, None])
 
 
 def estimate_normals(points: Array) -> Array:
@@ -45,29 +62,82 @@ def seen_surface(points: Array) -> Surface:
 
 
 def closed_surface(points: Array, floor: float) -> Surface:
-    """The seen surface with upright walls along its footprint, from `floor` [m] to the top of what was seen there.
+    """The seen surface with an upright wall wherever it drops, down to `floor` [m] or to what was seen below.
 
-    Things that stand on a support hide their far sides; their footprint's convex hull is the simplest closed guess.
+    Things that stand on a support hide their far sides from most cameras; as a height map each is closed in the
+    simplest way, rims, handles and hollows included.
     """
     seen = seen_surface(points)
-    try:
-        hull = ConvexHull(points[:, :2])
-    except QhullError:
+    feet, facing, low, high = _drops(points, floor)
+    if not len(feet):
         return seen
-    corners = points[hull.vertices, :2]
-    tops = points[hull.vertices, 2]
-    walls, normals = [seen.points], [seen.normals]
-    for i in range(len(corners)):
-        j = (i + 1) % len(corners)
-        edge = corners[j] - corners[i]
-        length = float(np.linalg.norm(edge))
-        height = max(float(min(tops[i], tops[j])), float(np.quantile(points[:, 2], 0.5))) - floor
-        if length < 1e-6 or height <= 0:
-            continue
-        along = (np.arange(max(1, round(length / WALL_STEP))) + 0.5) / max(1, round(length / WALL_STEP))
-        up = floor + (np.arange(max(1, round(height / WALL_STEP))) + 0.5) * height / max(1, round(height / WALL_STEP))
-        grid_a, grid_u = (g.ravel() for g in np.meshgrid(along, up))
-        walls.append(np.column_stack([corners[i] + grid_a[:, None] * edge, grid_u]))
-        normals.append(np.tile([edge[1] / length, -edge[0] / length, 0.0], (len(grid_a), 1)))
-    guessed = np.concatenate([np.zeros(len(points), dtype=bool), np.ones(sum(map(len, walls[1:])), dtype=bool)])
-    return Surface(np.concatenate(walls), np.concatenate(normals), guessed)
+    feet, facing = _straightened(feet, facing)
+    count = np.maximum(1, np.round((high - low) / WALL_STEP)).astype(int)
+    index = np.repeat(np.arange(len(feet)), count)
+    step = np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count) + 0.5
+    z = low[index] + step * ((high - low) / count)[index]
+    walls = np.column_stack([feet[index], z])
+    normals = np.column_stack([facing[index], np.zeros(len(index))])
+    # A side that was seen is better known by what was seen than by the height map's stairs.
+    known, _ = cKDTree(points).query(walls, distance_upper_bound=SPACING)
+    walls, normals = walls[~np.isfinite(known)], normals[~np.isfinite(known)]
+    guessed = np.concatenate([np.zeros(len(points), dtype=bool), np.ones(len(walls), dtype=bool)])
+    inner = _reoriented(seen, feet, facing, low, high)
+    return Surface(np.concatenate([points, walls]), np.concatenate([inner, normals]), guessed)
+
+
+def _reoriented(seen: Surface, feet: Array, facing: Array, low: Array, high: Array) -> Array:
+    """Seen normals beside a wall turned to its side: inside a hollow, outward is towards the object's middle."""
+    distance, foot = cKDTree(feet).query(seen.points[:, :2], distance_upper_bound=2 * SPACING)
+    near = np.nonzero(np.isfinite(distance))[0]
+    foot = foot[near]
+    z = seen.points[near, 2]
+    side = np.einsum("ni,ni->n", seen.normals[near, :2], facing[foot])
+    flip = (side < -0.5) & (z > low[foot]) & (z < high[foot])
+    normals = seen.normals.copy()
+    normals[near[flip]] *= -1
+    return normals
+
+
+def _drops(points: Array, floor: float) -> tuple[Array, Array, Array, Array]:
+    """Where the height map drops: middles of the cells' sides (M, 2), the way down (M, 2), and from where to where."""
+    origin = np.floor(points[:, :2].min(axis=0) / SPACING) - 2
+    cells = (np.floor(points[:, :2] / SPACING) - origin).astype(int)
+    shape = cells.max(axis=0) + 3
+    empty = np.zeros((0, 2))
+    if shape.prod() > MOST_CELLS:
+        return empty, empty, np.zeros(0), np.zeros(0)
+    height = np.full(shape, floor)
+    np.maximum.at(height, (cells[:, 0], cells[:, 1]), points[:, 2])
+    height = grey_closing(height, size=(3, 3))
+    feet, facing, low, high = [], [], [], []
+    for axis in range(2):
+        one, two = (height[:-1], height[1:]) if axis == 0 else (height[:, :-1], height[:, 1:])
+        at = np.argwhere(np.abs(one - two) > STEP)
+        a, b = one[tuple(at.T)], two[tuple(at.T)]
+        side = np.eye(2)[axis]
+        feet.append((at + origin + 0.5 + 0.5 * side) * SPACING)
+        facing.append(np.sign(a - b)[:, None] * side)
+        low.append(np.minimum(a, b))
+        high.append(np.maximum(a, b))
+    return np.concatenate(feet), np.concatenate(facing), np.concatenate(low), np.concatenate(high)
+
+
+def _straightened(feet: Array, facing: Array) -> tuple[Array, Array]:
+    """A wall's stairs as the lines they stand for: each foot moved onto the line through its neighbours that face the
+    same way, and facing across it."""
+    _, index = cKDTree(feet).query(feet, k=min(ALONG, len(feet)))
+    index = index.reshape(len(feet), -1)
+    weight = (np.einsum("nki,ni->nk", facing[index], facing) > -0.5).astype(float)
+    weight *= np.linalg.norm(feet[index] - feet[:, None], axis=2) < ALONG * SPACING
+    total = weight.sum(axis=1, keepdims=True)
+    middle = np.einsum("nk,nki->ni", weight, feet[index]) / total
+    local = feet[index] - middle[:, None]
+    _, vectors = np.linalg.eigh(np.einsum("nk,nki,nkj->nij", weight, local, local))
+    across = vectors[:, :, 0]
+    towards = np.einsum("nk,nki->ni", weight, facing[index])
+    across = np.where(np.einsum("ni,ni->n", across, towards)[:, None] < 0, -across, across)
+    lone = total[:, 0] < 3
+    across[lone] = facing[lone]
+    moved = feet - np.einsum("ni,ni->n", feet - middle, across)[:, None] * across
+    return np.where(lone[:, None], feet, moved), across

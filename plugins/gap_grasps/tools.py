@@ -19,12 +19,13 @@ from gap_cli.contracts.types import (
     Se3Pose,
     Vec3,
 )
-from gap_grasps.generate import Grasps, generate, prepare
+from gap_grasps.clearance import Hand
+from gap_grasps.generate import Grasps, generate, leaning, prepare
 from gap_grasps.scoring import score_poses
+from gap_grasps.support import SUPPORT_MARGIN, others, plane_around, support_below
 
 DOWN = np.array([0.0, 0.0, -1.0])
 FORWARD = np.array([0.0, 0.0, 1.0])  # along the view, in the camera frame
-SUPPORT_MARGIN = 0.006  # m above a support below which scene points are the support's own
 
 
 class WorldGrasps(NamedTuple):
@@ -65,11 +66,11 @@ def plan_from_point_cloud(
     dropped (-1 keeps all). Raises `PerceptionError` (`too_few_points`).
     """
     rng = np.random.default_rng([ctx.seed, len(target_cloud.points)])
-    floor = _support_below(ctx, target_cloud.points)
+    floor = support_below(ctx, target_cloud.points)
     surface = prepare(target_cloud.points, floor, rng, remove_outliers=remove_outliers)
-    obstacles = None if scene_cloud is None else _others(scene_cloud.points, target_cloud.points, floor)
+    obstacles = None if scene_cloud is None else others(scene_cloud.points, target_cloud.points, floor)
     found = generate(
-        surface, ctx.robot().gripper, rng, count=num_grasps, preferred=DOWN, floor=floor, obstacles=obstacles
+        surface, Hand.of(ctx.robot()), rng, count=num_grasps, preferred=DOWN, floor=floor, obstacles=obstacles
     )
     return WorldGrasps(*_listed(found, topk_num_grasps, grasp_threshold))
 
@@ -80,9 +81,9 @@ def score_grasps(
 ) -> Scores:
     """Score given grasps with the measure the sampler ranks by, so that both can be compared."""
     rng = np.random.default_rng([ctx.seed, len(target_cloud.points)])
-    surface = prepare(target_cloud.points, _support_below(ctx, target_cloud.points), rng)
+    surface = prepare(target_cloud.points, support_below(ctx, target_cloud.points), rng)
     T = np.array([p.matrix for p in candidate_poses]).reshape(-1, 4, 4)
-    scores = score_poses(surface, T, ctx.robot().gripper) * (0.5 + 0.5 * (T[:, :3, 2] @ DOWN))
+    scores = score_poses(surface, T, ctx.robot().gripper) * leaning(T, DOWN)
     return Scores([float(s) for s in scores])
 
 
@@ -145,16 +146,16 @@ def plan_in_scene(
     if len(points) > num_points:
         points = points[np.sort(rng.choice(len(points), num_points, replace=False))]
     target = points if target_cloud is None else target_cloud.points
-    floor = _support_below(ctx, target)
+    floor = support_below(ctx, target)
     standing = target if floor is None else target[target[:, 2] > floor + SUPPORT_MARGIN]
     found = generate(
         prepare(standing, None if target_cloud is None else floor, rng),
-        ctx.robot().gripper,
+        Hand.of(ctx.robot()),
         rng,
         count=max_grasps,
         preferred=DOWN,
         floor=floor,
-        obstacles=_others(points, standing, floor),
+        obstacles=others(points, standing, floor),
     )
     return WorldGrasps(*_listed(found, max_grasps, grasp_threshold))
 
@@ -164,15 +165,21 @@ def _in_camera(
 ) -> CameraGrasps:
     if instance_id != 1:
         raise BadRequestError("instance_id", f"A mask holds one instance, 1; there is no instance {instance_id}.")
-    near = [p[(p[:, 2] >= z_range[0]) & (p[:, 2] <= z_range[1])] for p in (full, target)]
+    full, target = (p[np.isfinite(p).all(axis=1)] for p in (full, target))
+    full, target = (p[(p[:, 2] >= z_range[0]) & (p[:, 2] <= z_range[1])] for p in (full, target))
     rng = np.random.default_rng([ctx.seed, len(target)])
-    surface = prepare(near[1], None, rng)
-    others = _others(near[0], near[1], None)
+    T = plane_around(full, target, rng) if len(target) else None
+    T_frame_camera, floor, preferred = (np.eye(4), None, FORWARD) if T is None else (T, 0.0, DOWN)
+    full, target = (p @ T_frame_camera[:3, :3].T + T_frame_camera[:3, 3] for p in (full, target))
+    surface, hand = prepare(target, floor, rng), Hand.of(ctx.robot())
+    rest = others(full, target, floor)
     for _ in range(max(1, max_retries)):
-        found = generate(surface, ctx.robot().gripper, rng, count=200, preferred=FORWARD, floor=None, obstacles=others)
+        found = generate(surface, hand, rng, count=200, preferred=preferred, floor=floor, obstacles=rest)
         if len(found.scores):
             break
-    return CameraGrasps(*_listed(found, 200, -1.0))
+    back = np.linalg.inv(T_frame_camera)
+    in_camera = Grasps(back @ found.poses, found.scores, found.contacts @ back[:3, :3].T + back[:3, 3])
+    return CameraGrasps(*_listed(in_camera, 200, -1.0))
 
 
 def _listed(found: Grasps, top: int, threshold: float) -> tuple[list[Se3Pose], list[float], list[Vec3]]:
@@ -182,34 +189,6 @@ def _listed(found: Grasps, top: int, threshold: float) -> tuple[list[Se3Pose], l
         [float(found.scores[i]) for i in keep],
         [Vec3.of(found.contacts[i]) for i in keep],
     )
-
-
-def _support_below(ctx: ToolContext, points: Array) -> float | None:
-    """Height of the highest known support under the middle of the points, or None."""
-    finite = points[np.isfinite(points).all(axis=1)]
-    if not len(finite):
-        return None
-    middle, low = np.median(finite[:, :2], axis=0), float(finite[:, 2].min())
-    heights = [
-        s.z
-        for s in ctx.task.environment.supports.values()
-        if (np.abs(middle - s.center) <= s.half_size).all() and s.z <= low + 2 * SUPPORT_MARGIN
-    ]
-    return max(heights, default=None)
-
-
-def _others(scene: Array, target: Array, floor: float | None) -> Array:
-    """Scene points that are neither the target's nor the support's."""
-    from scipy.spatial import cKDTree
-
-    scene = scene[np.isfinite(scene).all(axis=1)]
-    if floor is not None:
-        scene = scene[scene[:, 2] > floor + SUPPORT_MARGIN]
-    target = target[np.isfinite(target).all(axis=1)]
-    if not len(scene) or not len(target):
-        return scene
-    distance, _ = cKDTree(target).query(scene, distance_upper_bound=SUPPORT_MARGIN)
-    return np.asarray(scene[~np.isfinite(distance)])
 
 
 TOOLS = (plan_from_point_cloud, score_grasps, plan_from_depth, plan_from_clouds, plan_in_scene)

@@ -58,7 +58,8 @@ def build_object(name: str, model: ObjectModel) -> mjcf.RootElement:
     for part in parts:
         root.worldbody.add(
             "geom", type=part.kind, size=part.size, pos=part.centre, quat=part.quaternion, group=FELT,
-            mass=model.mass * part.volume / total, friction=(model.friction, 0.005, 0.0001), condim=4, solref=(0.006, 1), solimp=(0.95, 0.99, 0.001),
+            mass=model.mass * part.volume / total, friction=(model.friction, 0.005, 0.0001), condim=4,
+            solref=(0.006, 1), solimp=(0.95, 0.99, 0.001),
         )  # fmt: skip
     _dress(root, model.shape, looks, parts)
     return root

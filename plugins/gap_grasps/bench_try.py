@@ -1,0 +1,166 @@
+"""One attempt: grasps from one generator, the first that is in reach executed in physics, judged by the truth."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from gap_cli.contracts.failures import ToolError
+from gap_cli.contracts.robot import RobotSpec
+from gap_cli.contracts.task import Task
+from gap_cli.contracts.tool import Tool
+from gap_cli.contracts.types import Array, CameraObservation, JointState, Mask, PointCloud, Quaternion, Se3Pose, Vec3
+from gap_cli.contracts.world import World
+
+APPROACH = 0.10  # m of straight approach
+LIFT = 0.15  # m
+HOLD = 1.0  # s
+ONE_BRANCH = 1.0  # rad a joint may turn while lifting; more means another branch of the inverse kinematics
+TRIED = 24  # grasps asked for reach before the generator is given up
+HALF_TURN = Quaternion(0.0, 0.0, 0.0, 1.0).rotation  # about z: the jaws exchanged
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the generators get: the target's cloud, everything seen, the wrist camera's frame and its mask."""
+
+    target: Array
+    scene: Array
+    wrist: CameraObservation
+    mask: Mask
+
+
+@dataclass
+class Cell:
+    """A tool context over one world; `tool` calls a registered tool."""
+
+    world: World
+    task: Task
+    robots: Mapping[str, RobotSpec]
+    tools: Mapping[str, Tool]
+    seed: int = 0
+    state: dict[str, Any] = field(default_factory=dict)
+    made: dict[str, Any] = field(default_factory=dict)
+
+    def robot(self, arm_id: int = 0) -> RobotSpec:
+        """The spec of one arm."""
+        return self.robots[self.task.robots[arm_id].model]
+
+    def shared(self, key: str, make: Callable[[], Any]) -> Any:
+        """Made once."""
+        if key not in self.made:
+            self.made[key] = make()
+        return self.made[key]
+
+    def raise_if_cancelled(self) -> None:
+        """Nobody cancels a measurement."""
+
+    def tool(self, name: str, /, **inputs: Any) -> Any:
+        """Call a tool by its catalogue name."""
+        return self.tools[name](self, **inputs)
+
+
+Ranked = list[tuple[Se3Pose, float]]
+Generator = Callable[[Cell, Seen], Ranked]
+
+
+def by_graspgen(cell: Cell, seen: Seen) -> Ranked:
+    """`graspgen.PlanFromPointCloud` on the target's cloud, clear of the rest."""
+    found = cell.tool(
+        "graspgen.PlanFromPointCloud", target_cloud=PointCloud(seen.target), scene_cloud=PointCloud(seen.scene)
+    )
+    return list(zip(found.grasp_poses, found.scores, strict=True))
+
+
+def by_m2t2(cell: Cell, seen: Seen) -> Ranked:
+    """`m2t2.PlanFromPointCloud` on the scene's cloud, with the target's."""
+    found = cell.tool(
+        "m2t2.PlanFromPointCloud", scene_cloud=PointCloud(seen.scene), target_cloud=PointCloud(seen.target)
+    )
+    return list(zip(found.grasp_poses, found.scores, strict=True))
+
+
+def by_graspnet(cell: Cell, seen: Seen) -> Ranked:
+    """`graspnet.PlanFromDepth` on the wrist camera's frame alone."""
+    camera = seen.wrist
+    found = cell.tool(
+        "graspnet.PlanFromDepth", depth=camera.depth, intrinsics=camera.intrinsics, segmentation=seen.mask
+    )
+    T = camera.pose.matrix
+    return [(Se3Pose.of(T @ p.matrix), s) for p, s in zip(found.grasp_poses, found.scores, strict=True)]
+
+
+def by_box(cell: Cell, seen: Seen) -> Ranked:
+    """`geometry_svc.TopDownGraspCandidates` of the cloud's box, as deep as palm and fingertips allow."""
+    gripper = cell.robot().gripper
+    obb = cell.tool("geometry_svc.FilterAndComputeOBB", point_cloud=PointCloud(seen.target))
+    top, bottom = obb.center.z + obb.extent.z, seen.target[:, 2].min()
+    z = max(obb.center.z, top - gripper.finger_depth + 0.006, bottom + gripper.finger_size[2])
+    found = cell.tool("geometry_svc.TopDownGraspCandidates", obb=obb, z_offset=float(z - obb.center.z))
+    return [(pose, 1.0 - 0.5 * i) for i, pose in enumerate(found.poses)]
+
+
+GENERATORS: dict[str, Generator] = {
+    "graspgen": by_graspgen,
+    "m2t2": by_m2t2,
+    "graspnet": by_graspnet,
+    "box": by_box,
+}
+
+
+def attempt(cell: Cell, seen: Seen, generate: Generator, pick: Callable[[Ranked], Ranked]) -> dict[str, Any]:
+    """Plan, choose, execute. `reason` is empty where every motion was carried out, whatever it led to."""
+    row: dict[str, Any] = {"grasps": 0, "rank": None, "score": None, "ms": None, "reason": ""}
+    started = time.process_time()
+    try:
+        ranked = generate(cell, seen)
+    except ToolError as error:
+        return row | {"reason": error.code}
+    row |= {"grasps": len(ranked), "ms": 1e3 * (time.process_time() - started)}
+    for rank, (pose, score) in enumerate(pick(ranked)[:TRIED]):
+        reachable = in_reach(cell, pose)
+        if reachable is not None:
+            return row | {"rank": rank, "score": score, "pose": reachable, "reason": execute(cell, reachable)}
+    return row | {"reason": "unreachable" if ranked else "no_grasp"}
+
+
+def in_reach(cell: Cell, pose: Se3Pose) -> Se3Pose | None:
+    """The grasp, or the one with the jaws exchanged, if the arm can approach, take and lift so."""
+    for turned in (pose, Se3Pose(pose.position, Quaternion.of(pose.rotation.rotation * HALF_TURN))):
+        try:
+            way = cell.tool("pyroki.PlanLinear", start_pose=backed_off(turned), end_pose=turned).trajectory
+            taken = JointState(way.positions[-1])
+            up = cell.tool("pyroki.SolveIK", target_pose=lifted(turned), prev_config=taken).joint_config
+        except ToolError:
+            continue
+        if np.abs(up.positions - taken.positions).max() < ONE_BRANCH:
+            return turned
+    return None
+
+
+def execute(cell: Cell, pose: Se3Pose) -> str:
+    """Approach, close, lift and hold. The code of the error that ended it early, or ''."""
+    try:
+        cell.tool("gripper.Open")
+        cell.tool("robot_control.GoToPose", pose=backed_off(pose))
+        cell.tool("robot_control.GoToPoseCartesian", pose=pose)
+        cell.tool("gripper.Close")
+        cell.tool("robot_control.GoToPoseCartesian", pose=lifted(pose))
+        cell.world.wait(HOLD)
+    except ToolError as error:
+        return error.code
+    return ""
+
+
+def backed_off(pose: Se3Pose) -> Se3Pose:
+    """Where the straight approach begins."""
+    return Se3Pose(Vec3.of(pose.position.array - APPROACH * pose.matrix[:3, 2]), pose.rotation)
+
+
+def lifted(pose: Se3Pose) -> Se3Pose:
+    """Where the object is held up."""
+    return Se3Pose(Vec3.of(pose.position.array + np.array([0.0, 0.0, LIFT])), pose.rotation)
