@@ -60,7 +60,7 @@ def gap_register_engines(register: Register) -> None:
 
 @hookspec
 def gap_register_benchmarks(register: Register) -> None:
-    """register(name, function): a benchmark `gap bench` can run."""
+    """register(name, function): what `gap bench` can run; function(progress) -> BenchReport (contracts/bench.py)."""
 
 
 @hookspec

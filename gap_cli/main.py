@@ -10,6 +10,7 @@ import typer
 
 from gap_cli import __version__
 from gap_cli.commands import edge
+from gap_cli.commands.bench import bench
 from gap_cli.commands.demo import demo
 from gap_cli.commands.doctor import doctor
 from gap_cli.commands.generate import generate
@@ -45,6 +46,7 @@ app.command(rich_help_panel=PIPELINE)(demo)
 app.add_typer(skills, rich_help_panel=LIBRARY)
 app.command(rich_help_panel=LIBRARY)(tools)
 app.command(rich_help_panel=LIBRARY)(tasks)
+app.command(rich_help_panel=HOUSE)(bench)
 app.command(rich_help_panel=HOUSE)(doctor)
 app.command(rich_help_panel=HOUSE)(schema)
 

@@ -29,7 +29,9 @@ FIRST_PARTY = (
     "gap_perception",
     "gap_geometry",
     "gap_grasps",
+    "gap_hf",
     "gap_tasks",
+    "gap_cli.bench",
     "morsl",
 )
 ENTRY_KINDS = ("worlds", "robots", "authors", "policies", "engines", "benchmarks", "checks")

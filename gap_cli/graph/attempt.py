@@ -6,6 +6,7 @@ import math
 from enum import Enum
 from threading import Event, Lock
 from time import monotonic
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from gap_cli.contracts.failures import CancelledError, ToolError
@@ -27,6 +28,9 @@ class State(Enum):
     ABANDONED = 2
 
 
+RUNNING, SETTLED, ABANDONED = State.RUNNING, State.SETTLED, State.ABANDONED  # looked up once
+
+
 class Attempt:
     """A node being run. A result that comes after the attempt was abandoned is dropped, by identity of this object.
 
@@ -35,31 +39,23 @@ class Attempt:
     `world_wall_s` is wall time spent inside the world, so that the rest is what the robot would wait for computing.
     """
 
-    __slots__ = (
-        "calls", "cancelled", "cancelled_at", "deadline", "deadline_s", "ended", "error", "extra",
-        "finished", "frame", "id", "inputs", "node", "send", "started", "state", "tool", "value", "world_deadline",
-        "world_wall_s",
-    )  # fmt: skip
+    # Defaults live on the class: most attempts change few of them, and thousands are made.
+    started = ended = cancelled_at = world_wall_s = 0.0
+    deadline = world_deadline = math.inf
+    cancelled = tool = ""
+    state = RUNNING
+    value: Any = None
+    error: BaseException | None = None
+    inputs: Mapping[str, Any] = MappingProxyType({})
+    extra: Mapping[str, Any] | None = None
+    send: tuple[int, int] | None = None
+    calls: list[tuple[str, float, dict[str, Any]]] | None = None
+    finished: Event  # of a streaming node: its thread is over
 
     def __init__(self, node: CompiledNode, frame: Frame) -> None:
         self.id = next(frame.ids)
         self.node, self.frame = node, frame
-        self.started = self.ended = 0.0
         self.deadline_s = node.deadline_s
-        self.deadline = math.inf
-        self.cancelled = ""
-        self.cancelled_at = 0.0
-        self.state = State.RUNNING
-        self.value: Any = None
-        self.error: BaseException | None = None
-        self.inputs: dict[str, Any] = {}
-        self.extra: Mapping[str, Any] | None = None
-        self.send: tuple[int, int] | None = None
-        self.calls: list[tuple[str, float, dict[str, Any]]] | None = None
-        self.finished: Event  # of a streaming node: its thread is over
-        self.world_wall_s = 0.0
-        self.world_deadline = math.inf
-        self.tool = ""
 
     def begin(self, patience: float) -> None:
         """Start its clock; waiting for a thread does not count."""
@@ -77,7 +73,7 @@ class Attempt:
         """Raise `CancelledError`, or `ToolError` code `deadline`, where the node must not go on."""
         if self.cancelled == DEADLINE:
             raise deadline_error(self)
-        if self.cancelled or self.state is State.ABANDONED:
+        if self.cancelled or self.state is ABANDONED:
             raise CancelledError(f"{self.node.path} was told to stop: {self.cancelled}.")
         if monotonic() > self.deadline:
             if not self.tool:  # the node's own time is up; that of a tool it calls is for the node to deal with
@@ -87,9 +83,9 @@ class Attempt:
     def settle(self, lock: Lock, value: Any, error: BaseException | None) -> bool:
         """Record how it ended; False when it was abandoned before, and its result is dropped."""
         with lock:
-            if self.state is not State.RUNNING:
+            if self.state is not RUNNING:
                 return False
-            self.state = State.SETTLED
+            self.state = SETTLED
         self.ended = monotonic()
         self.value, self.error = value, error
         return True
@@ -97,9 +93,9 @@ class Attempt:
     def abandon(self, lock: Lock) -> bool:
         """Give up on it; False when it settled before."""
         with lock:
-            if self.state is not State.RUNNING:
+            if self.state is not RUNNING:
                 return False
-            self.state = State.ABANDONED
+            self.state = ABANDONED
         self.ended = monotonic()
         if self.cancelled == DEADLINE:
             self.error = deadline_error(self)

@@ -22,7 +22,7 @@ from gap_cli.graph.compiled import (
     TopNode,
 )
 from gap_cli.graph.model import END, START, Exit, Node, SubgraphDef, Workflow
-from gap_cli.graph.refs import STREAM, references
+from gap_cli.graph.refs import STREAM
 from gap_cli.graph.scripts import read_signature
 from gap_cli.graph.topology import Topology, make_topology
 from gap_cli.graph.values import Check, require_finite
@@ -92,7 +92,7 @@ class _Compiler:
         return CompiledSubgraph(
             node.ref, definition.skill, nodes, topology.entries, tuple(definition.inputs), outputs,
             tuple(field.split(".")) if field else None, frozenset(definition.exit.success_values), definition.on_error,
-            uses_observations=_uses_observations(definition),
+            streams=any(n.streaming for n in nodes),
         )  # fmt: skip
 
     def _node(
@@ -143,7 +143,7 @@ class _Compiler:
         scope = Scope(name, topology.index, frozenset(), frozenset(), {})
         nodes = tuple(self._node(definition, s, i, topology, scope, frozenset()) for i, s in enumerate(topology.names))
         return CompiledSubgraph(
-            name, "", nodes, topology.entries, (), (), None, frozenset(), "", uses_observations=False, tolerant=True
+            name, "", nodes, topology.entries, (), (), None, frozenset(), "", streams=False, tolerant=True
         )
 
 
@@ -198,8 +198,3 @@ def _resources(callee: Callee | None, constants: Mapping[str, Any], readers: tup
         return tuple(r.format(**known) for r in callee.resources)
     except KeyError:
         return tuple(r for r in callee.resources if "{" not in r)
-
-
-def _uses_observations(definition: SubgraphDef) -> bool:
-    data = [definition.outputs, *(n.inputs for n in definition.nodes.values())]
-    return any(r.source == "in" and r.name == STREAM for d in data for r in references(d))

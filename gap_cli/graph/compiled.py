@@ -113,7 +113,7 @@ class CompiledSubgraph:
     exit_fields: tuple[str, ...] | None
     success_values: frozenset[str]
     on_error: str
-    uses_observations: bool
+    streams: bool  # it has streaming nodes
     tolerant: bool = False  # a recovery: an error is noted and the next node runs
 
 

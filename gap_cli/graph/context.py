@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import Any, Protocol
 
 from gap_cli.contracts.failures import (
     BadRequestError,
@@ -27,8 +27,22 @@ from gap_cli.graph.guard import GuardedWorld
 from gap_cli.graph.leases import Leases
 from gap_cli.graph.values import require_finite
 
-ScriptRunner = Callable[[Path, dict[str, Any], Callable[[str, dict[str, Any]], Any], float], Any]
-"""Runs untrusted code: (script, inputs, call_tool, seconds it may take) -> what its `run` returned."""
+
+class ScriptRunner(Protocol):
+    """Runs untrusted code in a jail."""
+
+    def __call__(
+        self,
+        source_path: Path,
+        inputs: dict[str, Any],
+        call_tool: Callable[[str, dict[str, Any]], Any],
+        deadline_s: float,
+        *,
+        publish: Callable[[Any], None] | None = None,
+        check: Callable[[], None] | None = None,
+        seed: int = 0,
+    ) -> Any:
+        """What the script's `run` returned. `call_tool` and `publish` are served here; `check` raises to give up."""
 
 
 class SharedStore:
@@ -144,7 +158,15 @@ class NodeContext:
         runner = self._services.script_runner
         if runner is None:
             raise GapError(f"{self._attempt.node.path} runs an inline script, and there is no jail to run it in.")
-        return runner(file, inputs, lambda name, given: self.tool(name, **given), self.seconds_left())
+        return runner(
+            file,
+            inputs,
+            lambda name, given: self.tool(name, **given),
+            self.seconds_left(),
+            publish=self.publish if self._attempt.node.streaming else None,
+            check=self.raise_if_cancelled,
+            seed=self._services.seed,
+        )
 
     def _permitted(self, name: str) -> Callee:
         callee = self._services.callees.get(name) or self._services.callees.get(name.replace("_", "-"))

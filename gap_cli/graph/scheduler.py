@@ -6,7 +6,7 @@ import random
 
 from gap_cli.contracts.failures import CancelledError, PrivilegedReadError, SimulationDivergedError
 from gap_cli.errors import ExecutionError
-from gap_cli.graph.attempt import Attempt, State
+from gap_cli.graph.attempt import SETTLED, Attempt
 from gap_cli.graph.context import Services
 from gap_cli.graph.course import Course, Status
 from gap_cli.graph.emit import Emitter
@@ -31,6 +31,7 @@ class Scheduler:
         self.step: SuperStep | None = None
         self.stopping: tuple[Status, str] | None = None  # set by the supervisor
         self.hurry = False  # set by the supervisor: no recovery, or no more of it
+        self._streams = False  # whether any streaming node has been started
         self._lockstep, self._shuffle, self._world_deadline = lockstep, shuffle, world_deadline
 
     def loop(self) -> None:
@@ -61,7 +62,8 @@ class Scheduler:
             return None
         if course.has_due:
             course.enter_due()
-        attempts = [a for frame in course.in_order() for a in self._ready(frame)]
+        frames = course.in_order()
+        attempts = self._ready(frames[0]) if len(frames) == 1 else [a for f in frames for a in self._ready(f)]
         if not attempts:
             if broken := self._broken_streams():
                 stop_arms(self.services.world)
@@ -73,8 +75,9 @@ class Scheduler:
             self.step = SuperStep(attempts)
         else:
             self.step = ParallelStep(attempts, lockstep=self._lockstep, shuffle=self._shuffle)
-        for streamer in self._broken_streams():  # before this step was there to be told
-            self.step.cancel_siblings(streamer)
+        if self._streams:
+            for streamer in self._broken_streams():  # before this step was there to be told
+                self.step.cancel_siblings(streamer)
         if self.emitter:
             for attempt in attempts:
                 self._announce(attempt)
@@ -92,11 +95,14 @@ class Scheduler:
 
     def _ready(self, frame: Frame) -> list[Attempt]:
         ready = frame.ready()
+        if not frame.subgraph.streams:
+            return ready
+        self._streams = True
         streaming = [a for a in ready if a.node.streaming]
         for attempt in streaming:
             self._announce(attempt)
             start_streaming(self.services, attempt, self._stream_failed)
-        return [a for a in ready if not a.node.streaming] if streaming else ready
+        return [a for a in ready if not a.node.streaming]
 
     def _announce(self, attempt: Attempt) -> None:
         node = attempt.node
@@ -116,20 +122,21 @@ class Scheduler:
         failed = False
         looked, moved = 0.0, 0.0
         for attempt in step.attempts:
-            if attempt.error is None and attempt.state is State.SETTLED:
+            if attempt.error is None and attempt.state is SETTLED:
                 try:
                     attempt.frame.commit(attempt)
                 except Exception as error:
                     attempt.error = error
             elif attempt.error is None:  # never started: a sibling failed first
                 attempt.error = CancelledError(f"{attempt.node.path} was not started.")
-            failed = failed or attempt.error is not None
+            if attempt.error is not None:
+                failed = True
             if attempt.node.effect == "actuate":
                 moved += attempt.compute_s
-            else:
-                looked = max(looked, attempt.compute_s)
+            elif (seconds := attempt.compute_s) > looked:
+                looked = seconds
         self.course.outcome.compute_s += looked + moved
-        broken = self._broken_streams()
+        broken = self._broken_streams() if self._streams else []
         problems = stop_arms(self.services.world) if failed or broken else []
         for attempt in step.attempts:
             if attempt.node.effect != "pure":

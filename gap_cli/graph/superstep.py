@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Sequence
 
 from gap_cli.contracts.failures import ToolError
-from gap_cli.graph.attempt import Attempt, State
+from gap_cli.graph.attempt import RUNNING, Attempt
 from gap_cli.graph.context import Services
 from gap_cli.graph.perform import perform
 from gap_cli.graph.pool import Pool
@@ -32,7 +32,7 @@ class SuperStep:
     def run(self, services: Services, pool: Pool) -> None:
         """Run what is left of it. Raises `Abandoned` on a thread that was given up."""
         attempt = self.attempts[0]
-        if attempt.state is State.RUNNING:
+        if attempt.state is RUNNING:
             self.perform_here(services, attempt)
 
     def perform_here(self, services: Services, attempt: Attempt) -> None:
@@ -49,14 +49,14 @@ class SuperStep:
     def cancel(self, why: str) -> None:
         """Tell everything in this step to stop."""
         for attempt in self.attempts:
-            if attempt.state is State.RUNNING:
+            if attempt.state is RUNNING:
                 attempt.cancel(why)
 
     def cancel_siblings(self, failed: Attempt) -> None:
         """Tell those that share the failed one's fate. Thread-safe: only flags are set."""
         for attempt in self._after(failed):
             related = failed.frame.ends_run or attempt.frame is failed.frame
-            if related and attempt is not failed and attempt.state is State.RUNNING:
+            if related and attempt is not failed and attempt.state is RUNNING:
                 attempt.cancel(SIBLING)
 
     def _after(self, failed: Attempt) -> list[Attempt]:
@@ -100,7 +100,7 @@ class ParallelStep(SuperStep):
             self._open -= 1
         while self._movers:
             mover = self._movers.popleft()
-            if mover.state is State.RUNNING and not mover.cancelled and mover.error is None:
+            if mover.state is RUNNING and not mover.cancelled and mover.error is None:
                 self.perform_here(services, mover)
                 services.leases.yield_clock(mover)
                 if mover.error is not None:

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 from time import monotonic
 
-from gap_cli.graph.attempt import DEADLINE, Attempt, State
+from gap_cli.graph.attempt import DEADLINE, RUNNING, Attempt
 from gap_cli.graph.course import Status
 from gap_cli.graph.safety import stop_arms
 from gap_cli.graph.scheduler import Scheduler
@@ -71,7 +71,7 @@ class Supervisor:
         step = self._scheduler.step
         if step is not None:
             for attempt in step.attempts:
-                if attempt.state is State.RUNNING and attempt.started:
+                if attempt.state is RUNNING and attempt.started:
                     self._watch(attempt, now)
 
     def _watch(self, attempt: Attempt, now: float) -> None:

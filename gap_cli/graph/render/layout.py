@@ -6,7 +6,7 @@ regression: as close to one's neighbours as the order within a layer allows.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -108,7 +108,10 @@ def _chain(link: Link, rank: Mapping[str, int]) -> tuple[str, ...]:
 
 def _ordered(names: Mapping[str, object], rank: Mapping[str, int], steps: Sequence[Link]) -> list[list[str]]:
     """Names by layer; sweeps up and down put each near its neighbours in the layer before."""
-    rows = [[n for n in names if rank[n] == r] for r in range(max(rank.values(), default=-1) + 1)]
+    rows: list[list[str]] = [[] for _ in range(max(rank.values(), default=-1) + 1)]
+    for name in names:
+        rows[rank[name]].append(name)
+    beside = _neighbours(names, steps)
     for sweep in range(SWEEPS):
         down = sweep % 2 == 0
         order = rows[1:] if down else rows[-2::-1]
@@ -116,19 +119,24 @@ def _ordered(names: Mapping[str, object], rank: Mapping[str, int], steps: Sequen
             fixed = rows[rank[row[0]] + (-1 if down else 1)]
             place = {n: i for i, n in enumerate(fixed)}
             now = {n: i for i, n in enumerate(row)}
-            near = {n: [place[o] for o in _neighbours(n, steps) if o in place] for n in row}
+            near = {n: [place[o] for o in beside[n] if o in place] for n in row}
             row.sort(key=lambda n: sum(near[n]) / len(near[n]) if near[n] else now[n])
     return rows
 
 
-def _neighbours(name: str, steps: Sequence[Link]) -> list[str]:
-    return [b if a == name else a for a, b in steps if name in (a, b)]
+def _neighbours(names: Iterable[str], steps: Sequence[Link]) -> dict[str, list[str]]:
+    near: dict[str, list[str]] = {name: [] for name in names}
+    for a, b in steps:
+        near[a].append(b)
+        near[b].append(a)
+    return near
 
 
 def _centres(
     rows: Sequence[Sequence[str]], sizes: Mapping[str, tuple[float, float]], steps: Sequence[Link]
 ) -> dict[str, float]:
     centres: dict[str, float] = {}
+    beside = _neighbours(sizes, steps)
     for row in rows:
         x = 0.0
         for name in row:
@@ -136,7 +144,7 @@ def _centres(
             x += sizes[name][0] + GAP_X
     for _ in range(SWEEPS):
         for row in rows:
-            wanted = [np.mean([centres[o] for o in _neighbours(n, steps)] or [centres[n]]) for n in row]
+            wanted = [np.mean([centres[o] for o in beside[n]] or [centres[n]]) for n in row]
             offsets = np.cumsum([0.0] + [(sizes[a][0] + sizes[b][0]) / 2 + GAP_X for a, b in pairwise(row)])
             fitted = isotonic_regression(np.array(wanted) - offsets).x + offsets
             centres |= {name: float(x) for name, x in zip(row, fitted, strict=True)}

@@ -363,7 +363,7 @@ def test_an_inline_script_runs_in_the_jail_with_the_host_checking_each_call(tmp_
     w = fake_workflow({"x": script("x", n=3)}, [("START", "x"), ("x", "done")], outputs={"o": ref("x")})
     asked = []
 
-    def jail(path, inputs, call_tool, deadline_s):
+    def jail(path, inputs, call_tool, deadline_s, **more):
         asked.append((path.name, inputs, deadline_s <= 60))
         return call_tool("fake.Add", {"a": inputs["n"], "b": 1}).total
 

@@ -1,0 +1,33 @@
+"""The engine's own benchmarks, registered like anyone's."""
+
+from gap_cli.contracts.bench import BenchReport, Progress
+from gap_cli.hookspecs import Register, hookimpl
+
+
+@hookimpl
+def gap_register_benchmarks(register: Register) -> None:
+    """What `gap bench` can run without any other plugin."""
+    register("graph", _graph)
+    register("validate", _validate)
+    register("jail", _jail)
+
+
+def _graph(progress: Progress) -> BenchReport:
+    """What a node costs, beside LangGraph and py_trees."""
+    from gap_cli.bench.graph import run
+
+    return run(progress)
+
+
+def _validate(progress: Progress) -> BenchReport:
+    """What it costs to judge, compile and draw a graph."""
+    from gap_cli.bench.validate import run
+
+    return run(progress)
+
+
+def _jail(progress: Progress) -> BenchReport:
+    """What the jail costs an inline script."""
+    from gap_cli.bench.jail import run
+
+    return run(progress)

@@ -1,0 +1,57 @@
+"""Times several things in turns, so that what else the machine does falls on all of them alike."""
+
+from __future__ import annotations
+
+import gc
+import statistics
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from gap_cli.contracts.bench import Progress
+
+ROUNDS = 25
+ROUND_S = 0.02  # s: a measurement repeats its subject until it takes about this long
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Seconds per call over the rounds."""
+
+    best: float
+    median: float
+    p90: float
+
+
+def time_in_turns(subjects: Mapping[str, Callable[[], object]], progress: Progress) -> dict[str, Timing]:
+    """Time each subject once per round. Garbage collection runs between rounds, not in them."""
+    repeats = {name: _repeats(call) for name, call in subjects.items()}
+    seconds: dict[str, list[float]] = {name: [] for name in subjects}
+    for round_ in range(ROUNDS):
+        for i, (name, call) in enumerate(subjects.items()):
+            progress((round_ + i / len(subjects)) / ROUNDS, name)
+            gc.collect()
+            gc.disable()
+            try:
+                seconds[name].append(_timed(call, repeats[name]) / repeats[name])
+            finally:
+                gc.enable()
+    progress(1.0, "")
+    return {name: _summary(values) for name, values in seconds.items()}
+
+
+def _repeats(call: Callable[[], object]) -> int:
+    call()
+    return max(1, round(ROUND_S / max(1e-7, _timed(call, 1))))
+
+
+def _timed(call: Callable[[], object], times: int) -> float:
+    start = time.perf_counter()
+    for _ in range(times):
+        call()
+    return time.perf_counter() - start
+
+
+def _summary(values: list[float]) -> Timing:
+    ordered = sorted(values)
+    return Timing(ordered[0], statistics.median(ordered), ordered[round(0.9 * (len(ordered) - 1))])

@@ -1,0 +1,62 @@
+"""What it costs to judge, compile and draw a graph of 200 nodes."""
+
+from __future__ import annotations
+
+from gap_cli.bench.timing import time_in_turns
+from gap_cli.contracts.bench import BenchReport, Progress
+from gap_cli.graph.catalog import Catalog
+from gap_cli.graph.compile import compile_workflow
+from gap_cli.graph.dump import dump_workflow
+from gap_cli.graph.load import parse_workflow
+from gap_cli.graph.model import Workflow
+from gap_cli.graph.render.drawing import drawing
+from gap_cli.graph.validate import validate
+from gap_cli.testing import fake_skill, fake_tools, fake_workflow
+
+NODES = 200
+WIDTH = 4  # branches side by side between two joins
+GOAL_MS = 20.0
+
+
+def run(progress: Progress) -> BenchReport:
+    """Milliseconds per graph."""
+    workflow, tools, skills = _workflow(), fake_tools(), {"fake": fake_skill()}
+    specs = {name: tool.spec for name, tool in tools.items()}
+    data = dump_workflow(workflow)
+    from pathlib import Path
+
+    timings = time_in_turns(
+        {
+            "parse": lambda: parse_workflow(data, "bench"),
+            "validate": lambda: validate(workflow, Catalog(specs, skills)),
+            "compile": lambda: compile_workflow(workflow, Path(), tools, skills, {}),
+            "draw": lambda: drawing(workflow),
+        },
+        progress,
+    )
+    findings = [f for f in validate(workflow, Catalog(specs, skills)) if f.severity == "error"]
+    rows = tuple((name, *(round(1e3 * s, 2) for s in (t.median, t.best, t.p90))) for name, t in timings.items())
+    return BenchReport(
+        f"A graph of {NODES} nodes, {WIDTH} branches wide [ms]",
+        ("step", "median", "best", "p90"),
+        rows,
+        (f"The goal for validate is {GOAL_MS:g} ms.", f"The graph has {len(findings)} errors."),
+        ("pydantic",),
+    )
+
+
+def _workflow() -> Workflow:
+    """Layers of additions, each reading one of the layer before, with a join between layers."""
+    nodes: dict[str, object] = {}
+    edges: list[tuple[str, str]] = []
+    before, layer = "START", 0
+    while len(nodes) < NODES:
+        join = f"j{layer:03d}"
+        for i in range(min(WIDTH, NODES - len(nodes))):
+            name = f"n{layer:03d}_{i}"
+            reads = {"$ref": f"n{layer - 1:03d}_0.total"} if layer else 1.0
+            nodes[name] = {"type": "tool", "tool": "fake.Add", "inputs": {"a": reads}}
+            edges += [(before, name), (name, join)]
+        nodes[join] = {"type": "noop"}
+        before, layer = join, layer + 1
+    return fake_workflow(nodes, [*edges, (before, "done")])

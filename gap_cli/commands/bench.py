@@ -1,0 +1,67 @@
+"""`gap bench`: measure, and write what the documentation quotes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gap_cli.commands.common import AsJson, console, print_json, print_table
+
+if TYPE_CHECKING:
+    from gap_cli.contracts.bench import Progress
+
+RESULTS = Path("docs/results")
+
+
+def bench(
+    name: Annotated[str | None, typer.Argument(help="Which benchmark; a list of them when left out.")] = None,
+    to: Annotated[Path, typer.Option(metavar="FOLDER", help="Where the table goes, as Markdown and JSON.")] = RESULTS,
+    save: Annotated[bool, typer.Option(help="Write the table to the folder.")] = True,
+    json: AsJson = False,
+) -> None:
+    """Run a benchmark: a table with the command, the machine and the versions behind it."""
+    from gap_cli.plugins import load_registry
+
+    found = load_registry().benchmarks
+    if name is None:
+        rows = [(entry.name, entry.plugin) for _, entry in sorted(found.items())]
+        if json:
+            print_json([{"name": n, "plugin": plugin} for n, plugin in rows])
+        else:
+            print_table("", ("benchmark", "from"), rows)
+        return
+    if name not in found:
+        from gap_cli.errors import UnknownNameError
+
+        raise UnknownNameError("benchmark", name, found)
+    from gap_cli.artifacts.canonical import write_json, write_text
+    from gap_cli.bench.report import as_data, markdown
+
+    with progress_bar(name) as progress:
+        data = as_data(name, found[name].value(progress))
+    if json:
+        print_json(data)
+    else:
+        typer.echo(markdown(data))
+    if save:
+        write_json(to / f"{name}.json", data)
+        write_text(to / f"{name}.md", markdown(data))
+        if not json:
+            console().print(f"written: {to / f'{name}.md'} and {name}.json", style="dim", markup=False)
+
+
+@contextmanager
+def progress_bar(name: str) -> Iterator[Progress]:
+    """A bar on stderr where someone watches."""
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(name, total=1.0)
+        yield lambda done, what: bar.update(task, completed=done, description=f"{name}: {what}" if what else name)

@@ -1,0 +1,88 @@
+"""`gap bench`: each benchmark runs and tells what it measured; how fast is not a test's business."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from gap_cli.bench import timing
+from gap_cli.bench.graph import run as graph
+from gap_cli.bench.report import as_data, markdown
+from gap_cli.contracts.bench import BenchReport
+from gap_cli.main import app
+
+
+@pytest.fixture(autouse=True)
+def short(monkeypatch):
+    monkeypatch.setattr(timing, "ROUNDS", 1)
+    monkeypatch.setattr(timing, "ROUND_S", 1e-6)
+
+
+def bench(*arguments, code=0):
+    done = CliRunner().invoke(app, ["bench", *arguments])
+    assert done.exit_code == code, done.output
+    return done
+
+
+@pytest.mark.parametrize("name, subjects", [("graph", "GaP"), ("validate", "validate"), ("jail", "start")])
+def test_each_benchmark_gives_a_table_with_what_is_behind_it(tmp_path, name, subjects):
+    data = json.loads(bench(name, "--json", "--to", str(tmp_path)).stdout)
+    assert data["schema"] == "gap/bench/v1" and data["command"] == f"gap bench {name}"
+    assert any(str(row[0]).startswith(subjects) for row in data["rows"])
+    assert all(len(row) == len(data["columns"]) for row in data["rows"])
+    assert data["machine"]["python"].startswith("Python") and data["lock"]["gap-cli"]
+    assert json.loads((tmp_path / f"{name}.json").read_text())["rows"] == data["rows"]
+    assert (tmp_path / f"{name}.md").read_text() == markdown(data)
+
+
+def test_others_are_measured_where_they_are_installed_and_said_to_be_missing_where_not(monkeypatch):
+    names = {row[0] for row in graph(lambda done, what: None).rows}
+    assert {"GaP", "LangGraph", "py_trees"} <= names
+    monkeypatch.setattr("gap_cli.bench.graph.find_spec", lambda name: None)
+    report = graph(lambda done, what: None)
+    assert {row[0] for row in report.rows} == {"GaP", "GaP, observed"}
+    monkeypatch.setattr("gap_cli.bench.report.metadata.version", _missing_but(["numpy"]))
+    assert as_data("graph", report)["lock"]["langgraph"] == "not installed"
+
+
+def _missing_but(installed):
+    from importlib import metadata
+
+    def version(name):
+        if name not in installed:
+            raise metadata.PackageNotFoundError(name)
+        return "1.0"
+
+    return version
+
+
+def test_progress_goes_from_nothing_to_all():
+    seen = []
+    timing.time_in_turns({"a": lambda: None, "b": lambda: None}, lambda done, what: seen.append(done))
+    assert seen == sorted(seen) and seen[0] == 0.0 and seen[-1] == 1.0
+
+
+def test_everything_is_timed_in_every_round(monkeypatch):
+    monkeypatch.setattr(timing, "ROUNDS", 3)
+    monkeypatch.setattr(timing, "_repeats", lambda call: 1)
+    order = []
+    timing.time_in_turns({"a": lambda: order.append("a"), "b": lambda: order.append("b")}, lambda done, what: None)
+    assert order == ["a", "b"] * 3
+
+
+def test_markdown_is_a_table_whatever_is_in_it():
+    data = as_data("x", BenchReport("T", ("name", "value"), (("a|b", 1.5), ("c", 2)), ("said",)))
+    lines = markdown(data).splitlines()
+    assert lines[2:6] == ["| name | value |", "|---|---:|", r"| a\|b | 1.5 |", "| c | 2 |"]
+    assert "- said" in lines and "- Command: `gap bench x`" in lines
+
+
+def test_without_a_name_the_benchmarks_are_listed():
+    assert {"graph", "jail"} <= {row["name"] for row in json.loads(bench("--json").stdout)}
+
+
+def test_an_unknown_benchmark_is_one_clear_error():
+    done = CliRunner().invoke(app, ["bench", "grpah"])
+    assert done.exit_code == 1 and "graph" in str(done.exception)
