@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Protocol
+from typing import Annotated, Protocol, runtime_checkable
 
 from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.snapshot import WorldSnapshot
@@ -94,7 +94,18 @@ class World(Protocol):
     def subscribe(
         self, listener: Callable[[WorldFrame], None], hz: float, cameras: Sequence[str] = ()
     ) -> Callable[[], None]:
-        """Call `listener` at `hz` of world time while it passes; returns how to unsubscribe. Never changes the physics."""
+        """Call `listener` at `hz` of world time while it passes; returns how to unsubscribe. Changes no physics."""
 
     def close(self) -> None:
         """Free everything. Idempotent."""
+
+
+@runtime_checkable
+class LockstepWorld(Protocol):
+    """A world whose arms can move together; whoever moves several at once asks for it."""
+
+    def execute(self, motions: Mapping[int, Trajectory], *, tolerance: float = 0.01) -> None:
+        """Track one trajectory per arm_id at the same time; done, refused and failing as `Arm.execute` is.
+
+        When one arm fails, all of them stop.
+        """
