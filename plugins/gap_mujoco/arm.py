@@ -40,17 +40,18 @@ class SimArm:
 
     def execute(self, trajectory: Trajectory, *, tolerance: float = 0.01) -> None:
         """Track a joint trajectory; see `gap_cli.contracts.world.Arm.execute`."""
-        self._thread.call(self._motion().execute, trajectory, tolerance)
+        self._thread.call(self.motion().execute, trajectory, tolerance)
 
     def set_gripper(self, width: float, *, force: float | None = None, settle: float = 0.5) -> GripperState:
         """Drive the jaws; see `gap_cli.contracts.world.Arm.set_gripper`."""
-        return self._thread.call(self._motion().set_gripper, width, force, settle)
+        return self._thread.call(self.motion().set_gripper, width, force, settle)
 
     def stop(self) -> None:
         """End the command under way and those already asked for, and hold. Later commands are not affected."""
         with self._lock:
             self._stops += 1
 
-    def _motion(self) -> Motion:
+    def motion(self) -> Motion:
+        """One command of this arm, which `stop` ends if it is called from now on. For the world's own use."""
         seen = self._stops
         return Motion(self._drive, lambda: self._stops != seen)

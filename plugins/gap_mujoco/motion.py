@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -35,13 +36,19 @@ class Motion:
         """Track a trajectory to its end. Raises `MotionError`, once the arm has come to a stop."""
         if not 0 < tolerance < 1:
             raise refused(f"a tolerance of {tolerance} rad is outside 0 to 1 rad")
-        points = setpoints(trajectory, self._drive.spec, self._drive.positions, self._drive.target)
+        course = self.course(trajectory, tolerance)
         try:
-            self._follow(points)
-            self._settle(points.positions[-1], tolerance)
+            for _ in course:
+                self._physics.step()
         except MotionError as error:
-            self._brake(from_measured=error.code != "stopped")
+            for _ in self.braking(from_measured=error.code != "stopped"):
+                self._physics.step()
             raise
+
+    def course(self, trajectory: Trajectory, tolerance: float) -> Iterator[None]:
+        """Yields whenever the physics is to step, with this arm's set-point written. Raises `MotionError`."""
+        points = setpoints(trajectory, self._drive.spec, self._drive.positions, self._drive.target)
+        return chain(self._follow(points), self._settle(points.positions[-1], tolerance))
 
     def set_gripper(self, width: float, force: float | None, settle: float) -> GripperState:
         """Drive the jaws until they arrive or are blocked, then let `settle` [s] pass. Raises `MotionError`."""
@@ -60,23 +67,28 @@ class Motion:
         return jaws.state()
 
     def _step(self) -> None:
-        if self._stopped():
-            raise MotionError("stopped", "The arm was told to stop.")
+        self._go_on()
         self._physics.step()
 
-    def _follow(self, points: Setpoints) -> None:
+    def _go_on(self) -> None:
+        if self._stopped():
+            raise MotionError("stopped", "The arm was told to stop.")
+
+    def _follow(self, points: Setpoints) -> Iterator[None]:
         for k, (position, velocity) in enumerate(zip(*points, strict=True)):
             self._drive.target, self._drive.velocity = position, velocity
-            self._step()
+            self._go_on()
+            yield
             self._look(k)
         self._drive.velocity = np.zeros(self._drive.spec.dof)
 
-    def _settle(self, end: Array, tolerance: float) -> None:
+    def _settle(self, end: Array, tolerance: float) -> Iterator[None]:
         for k in range(round(_SETTLE_TIME / TIMESTEP)):
             error, speed = np.abs(self._drive.positions - end), np.abs(self._drive.velocities).max()
             if error.max() < tolerance and speed < _REST_SPEED:
                 return
-            self._step()
+            self._go_on()
+            yield
             self._look(k)
         raise self._failure("stalled", "rad short of the end", np.abs(self._drive.positions - end), tolerance)
 
@@ -99,8 +111,8 @@ class Motion:
         message = f"The arm stopped ({code}): {joint} {value:.3f} {what}, limit {limit:.3f}."
         return MotionError(code, message, detail={"joint": joint, "value": value, "limit": limit})
 
-    def _brake(self, *, from_measured: bool) -> None:
-        """Slow all joints down together within their acceleration limits, then hold."""
+    def braking(self, *, from_measured: bool) -> Iterator[None]:
+        """Slow all joints down together within their acceleration limits, then hold; yields whenever physics steps."""
         drive = self._drive
         if from_measured:
             drive.target, drive.velocity = drive.positions, drive.velocities
@@ -109,5 +121,5 @@ class Motion:
         for k in range(steps):
             drive.velocity = start * (1 - (k + 1) / steps)
             drive.target = drive.target + drive.velocity * TIMESTEP
-            self._physics.step()
+            yield
         drive.velocity = np.zeros(drive.spec.dof)

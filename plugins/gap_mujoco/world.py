@@ -11,13 +11,14 @@ from gap_cli.contracts.privilege import assert_privileged, current_node
 from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.snapshot import WorldSnapshot
 from gap_cli.contracts.task import Task
-from gap_cli.contracts.types import CameraObservation, Observation, Se3Pose
+from gap_cli.contracts.types import CameraObservation, Observation, Se3Pose, Trajectory
 from gap_cli.contracts.world import Instance, WorldFrame
 from gap_mujoco.arm import SimArm
 from gap_mujoco.belief import Belief
 from gap_mujoco.camera import Renderer, camera_pose, observe
 from gap_mujoco.drive import Drive
 from gap_mujoco.listeners import Ear
+from gap_mujoco.lockstep import execute_together
 from gap_mujoco.physics import Physics
 from gap_mujoco.scene import compose
 from gap_mujoco.thread import WorldThread
@@ -138,6 +139,15 @@ class MujocoWorld:
         if name not in self._scene.eyes:
             raise UnknownNameError("camera", name, self._scene.eyes)
         return self._thread.call(camera_pose, self._physics.data, self._scene.eyes[name].element)
+
+    def execute(self, motions: Mapping[int, Trajectory], *, tolerance: float = 0.01) -> None:
+        """Move several arms at once; see `gap_cli.contracts.world.LockstepWorld.execute`."""
+        unknown = sorted(set(motions) - set(range(len(self._arms))))
+        if unknown:
+            raise UnknownNameError("arm", str(unknown[0]), [str(i) for i in range(len(self._arms))])
+        order = sorted(motions)
+        commands = [self._arms[i].motion() for i in order]
+        self._thread.call(execute_together, self._physics, commands, [motions[i] for i in order], tolerance)
 
     def wait(self, seconds: float) -> None:
         """Let world time pass."""
