@@ -10,6 +10,7 @@ import numpy as np
 from gap_cli.contracts.failures import PlanningError
 from gap_cli.contracts.types import Array, Trajectory
 from gap_motion.checker import Checker
+from gap_motion.edges import STEP
 from gap_motion.goals import free_goals, within_limits
 from gap_motion.ik import nearest
 from gap_motion.line import follow, interpolate, waypoint_count
@@ -21,7 +22,7 @@ from gap_motion.situation import Situation
 from gap_motion.timing import time_path
 
 CORNERS = (CORNER, CORNER / 4, CORNER / 40)  # rounding that is tried in turn until the timed motion is free
-RETRIES = 3  # other seeds, when no rounding is free
+TRIES = (STEP, STEP / 3, STEP / 6)  # m: how closely a path is checked; another, when its timed motion is not free
 CORNER_SAMPLES = 5  # of a trajectory, over which it turns from the planned path into the straight approach
 LINES = 6  # straight approaches looked at before planning towards them
 
@@ -110,8 +111,8 @@ def _connect(
     reaching: Checker | None = None,
 ) -> Reached:
     """Plan to the goals, append the chosen one's straight tail, if any, and time the whole."""
-    for attempt in range(RETRIES):
-        path = plan(checker, start, goals, seed + 7919 * attempt, improve)
+    for attempt, step in enumerate(TRIES):
+        path = plan(checker, start, goals, seed + 7919 * attempt, improve, step)
         if reaching is None:
             found = timed(checker, path.waypoints)
         else:
@@ -123,7 +124,7 @@ def _connect(
             return Reached(found, int(owner[path.goal]))
     raise PlanningError(
         "no_path",
-        f"No motion stayed free once it was timed, with {RETRIES} seeds.",
+        f"No motion stayed free once it was timed, in {len(TRIES)} tries.",
         hint="Try another seed, or a smaller collision_margin.",
     )
 

@@ -7,7 +7,7 @@ import numpy as np
 from gap_cli.contracts.failures import PlanningError
 from gap_cli.contracts.types import Array, Trajectory, WorldConfig
 from gap_motion.checker import Checker
-from gap_motion.free_motion import timed
+from gap_motion.free_motion import TRIES, timed
 from gap_motion.goals import free_goals, within_limits
 from gap_motion.moves import straight
 from gap_motion.obstacles import containing
@@ -16,7 +16,6 @@ from gap_motion.situation import Situation
 
 TOUCH = 0.01  # m: an obstacle this near to the grasp's TCP is the one being grasped
 STARTS = 8  # configurations before the grasp that are tried in turn
-RETRIES = 3
 
 
 def grasp_motion(
@@ -60,11 +59,12 @@ def grasp_motion(
 
 
 def _freely(checker: Checker, start: Array, goal: Array, seed: int) -> Trajectory:
-    for attempt in range(RETRIES):
-        found = timed(checker, plan(checker, start, goal[None], seed + 7919 * attempt).waypoints)
+    for attempt, step in enumerate(TRIES):
+        path = plan(checker, start, goal[None], seed + 7919 * attempt, step=step)
+        found = timed(checker, path.waypoints)
         if found is not None:
             return found
-    raise PlanningError("no_path", f"No approach stayed free once it was timed, with {RETRIES} seeds.")
+    raise PlanningError("no_path", f"No approach stayed free once it was timed, in {len(TRIES)} tries.")
 
 
 def _checked(checker: Checker, trajectory: Trajectory, phase: str) -> Trajectory:

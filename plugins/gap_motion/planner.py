@@ -15,7 +15,7 @@ import numpy as np
 from gap_cli.contracts.failures import PlanningError
 from gap_cli.contracts.types import Array
 from gap_motion.checker import Checker
-from gap_motion.edges import Edges
+from gap_motion.edges import STEP, Edges
 from gap_motion.failures import joint_range
 from gap_motion.ik import cost
 from gap_motion.paths import velocity_limits
@@ -35,13 +35,16 @@ class Path:
     edges: int
 
 
-def plan(checker: Checker, start: Array, goals: Array, seed: int = 0, improve: bool = False) -> Path:
+def plan(
+    checker: Checker, start: Array, goals: Array, seed: int = 0, improve: bool = False, step: float = STEP
+) -> Path:
     """A short free path from start (n,) to the cheapest reachable one of goals (G, n).
 
     RRTConnect (Kuffner and LaValle 2000), then shortcuts; with `improve`, AORRTC (Wilson et al. 2025) spends a further
-    budget on shorter ones. Raises `PlanningError`: `in_collision` with the pair, or `no_path`.
+    budget on shorter ones. Between checked configurations no point moves farther than `step` [m].
+    Raises `PlanningError`: `in_collision` with the pair, or `no_path`.
     """
-    edges = Edges(checker)
+    edges = Edges(checker, step)
     refuse_contact(checker, start, "The start")
     order = np.argsort(cost(checker.chain, goals, start), kind="stable")
     valid = order[checker.valid(goals[order])]

@@ -92,8 +92,8 @@ def finite(value: float, what: str) -> float:
 class Cell:
     """One arm where it stands: its chain, and how world poses become poses of the frame behind its last joint."""
 
-    def __init__(self, arm: Arm) -> None:
-        self.arm, self.spec = arm, arm.spec
+    def __init__(self, arm: Arm, arm_id: int = 0) -> None:
+        self.arm, self.arm_id, self.spec = arm, arm_id, arm.spec
         self.chain: Chain = chain(arm.spec)
         self.base: Array = arm.base_pose.matrix
         self._to_base: Array = np.linalg.inv(self.base)
@@ -101,7 +101,7 @@ class Cell:
     @classmethod
     def of(cls, ctx: ToolContext, arm_id: int) -> Cell:
         """The cell of one arm. Raises `BadRequestError` (`unknown_arm`)."""
-        return cls(arm_of(ctx, arm_id))
+        return cls(arm_of(ctx, arm_id), arm_id)
 
     def joints(self) -> Array:
         """Where the arm's joints are now, clipped into their limits (a servo may sag past one by a hair)."""

@@ -20,7 +20,7 @@ from gap_motion.requests import Cell
 ESCAPE = 0.012  # m: contacts no deeper than this at the start are left behind rather than refused
 FINGERTIP = 0.008  # m: how close, margin included, the gripper may come to anything while it reaches for a grasp
 NOTHING_HELD = 1 << 30  # no part has that index
-HELD_CELL = 0.02  # m: an object held is covered by spheres of about this size
+HELD_CELL = 0.012  # m: half the size of the cells a held object is cut into, each inside one sphere
 
 
 @dataclass(eq=False)
@@ -124,11 +124,11 @@ class Situation:
 
 
 def cover_held(half: Array, T_frame_box: Array) -> Sequence[CollisionSphere]:
-    """Spheres that fill a held box of half-extents `half` (3,), in the frame behind the last joint."""
-    counts = np.clip(np.ceil(half / HELD_CELL), 1, 4).astype(int)
+    """Spheres that contain a held box of half-extents `half` (3,), in the frame behind the last joint."""
+    counts = np.clip(np.ceil(half / HELD_CELL), 1, 8).astype(int)
     cell = half / counts
     axes = [np.linspace(-h + c, h - c, n) for h, c, n in zip(half, cell, counts, strict=True)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     centers = grid @ T_frame_box[:3, :3].T + T_frame_box[:3, 3]
-    radius = float(cell.max())  # corners stick out: a held object is known no better than that
+    radius = float(np.linalg.norm(cell))
     return [CollisionSphere("held", (float(x), float(y), float(z)), radius) for x, y, z in centers]

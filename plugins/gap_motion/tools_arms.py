@@ -1,0 +1,114 @@
+"""`robot_control.*` for several arms, and single actions of a learned policy."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from gap_cli.contracts.failures import BadRequestError
+from gap_cli.contracts.tool import ToolContext, tool
+from gap_cli.contracts.types import WORLD, JointState, Se3Pose, Vec3
+from gap_motion import moves
+from gap_motion.envelope import refuse
+from gap_motion.policy_step import checked_action, step_motion, wants_closed
+from gap_motion.requests import Cell, finite, joints_of, pose_matrix
+from gap_motion.timing import point_to_point
+from gap_motion.together import move_together
+
+BOTH = ("arm:0", "arm:1", "clock")
+
+
+@tool("robot_control.GoToPoseArm", effect="actuate", resources=("arm:{arm_id}", "clock"), deadline_s=60.0)
+def go_to_pose_arm(
+    ctx: ToolContext,
+    arm_id: int,
+    pose: Annotated[Se3Pose, WORLD],
+    z_approach: float = 0.0,
+    tcp_offset: Vec3 | None = None,
+) -> None:
+    """Move one arm's TCP to a pose by joint motion to the nearest IK solution, with no collision avoidance.
+
+    Arguments as in GoToPose. Raises `BadRequestError` (`unknown_arm`, ...), `PlanningError`, `MotionError`.
+    """
+    cell = Cell.of(ctx, arm_id)
+    start = cell.joints()
+    target = cell.last_frame(pose_matrix(pose, "pose"), tcp_offset)
+    trajectory = moves.to_pose(cell, start, target, _approach(z_approach))
+    refuse(cell, trajectory, ctx.task, start)
+    ctx.raise_if_cancelled()
+    if trajectory.duration > 0:
+        cell.arm.execute(trajectory)
+
+
+@tool("robot_control.GoToPoseBoth", effect="actuate", resources=BOTH, deadline_s=60.0)
+def go_to_pose_both(
+    ctx: ToolContext,
+    pose_arm0: Annotated[Se3Pose, WORLD],
+    pose_arm1: Annotated[Se3Pose, WORLD],
+    z_approach: float = 0.0,
+    tcp_offset: Vec3 | None = None,
+) -> None:
+    """Move the TCPs of arms 0 and 1 to their poses at the same time, in lock-step: both start and end together.
+
+    Arguments as in GoToPose. Refused when the arms would meet. Raises `BadRequestError`, `PlanningError`,
+    `MotionError`.
+    """
+    cells = [Cell.of(ctx, 0), Cell.of(ctx, 1)]
+    planned = []
+    for cell, pose, what in zip(cells, (pose_arm0, pose_arm1), ("pose_arm0", "pose_arm1"), strict=True):
+        target = cell.last_frame(pose_matrix(pose, what), tcp_offset)
+        planned.append(moves.to_pose(cell, cell.joints(), target, _approach(z_approach)))
+    move_together(ctx, cells, planned, 0.01)
+
+
+@tool("robot_control.MoveToJointsBoth", effect="actuate", resources=BOTH, deadline_s=60.0)
+def move_to_joints_both(
+    ctx: ToolContext, joints_arm0: JointState, joints_arm1: JointState, tolerance: float = 0.02, max_steps: int = 300
+) -> None:
+    """Move arms 0 and 1 straight in joint space to configurations at the same time, in lock-step.
+
+    One of `max_steps` is 50 ms of planned motion. Refused when the arms would meet. Raises `BadRequestError`,
+    `PlanningError` (`budget`), `MotionError`.
+    """
+    cells = [Cell.of(ctx, 0), Cell.of(ctx, 1)]
+    goals = [
+        joints_of(state, cell.spec, what)
+        for cell, state, what in zip(cells, (joints_arm0, joints_arm1), ("joints_arm0", "joints_arm1"), strict=True)
+    ]
+    planned = [
+        moves.within_steps(point_to_point(cell.chain, np.stack([cell.joints(), goal])), max_steps)
+        for cell, goal in zip(cells, goals, strict=True)
+    ]
+    move_together(ctx, cells, planned, tolerance)
+
+
+@tool("robot_control.ApplyPolicyAction", effect="actuate", resources=("arm:{arm_id}", "gripper:{arm_id}", "clock"))
+def apply_policy_action(ctx: ToolContext, action: list[float], arm_id: int = 0) -> None:
+    """Carry out one action of a policy: [dx dy dz, rx ry rz, grip], entries in [-1, 1].
+
+    An entry of 1 is 5 cm along, or 0.5 rad about, an axis of the arm's base; grip below 0 opens, above 0 closes. The
+    arm is at rest when this returns. Refused whole outside the arm's limits or the workspace.
+    Raises `BadRequestError`, `PlanningError`, `MotionError`.
+    """
+    values = checked_action(action)
+    cell = Cell.of(ctx, arm_id)
+    start = cell.joints()
+    trajectory = step_motion(cell, start, values)
+    refuse(cell, trajectory, ctx.task, start)
+    ctx.raise_if_cancelled()
+    if trajectory.duration > 0:
+        cell.arm.execute(trajectory)
+    closed, last = wants_closed(values), f"policy_grip:{arm_id}"
+    if closed is not None and ctx.state.get(last) != closed:
+        cell.arm.set_gripper(0.0 if closed else cell.spec.gripper.max_width, settle=0.0)
+        ctx.state[last] = closed
+
+
+def _approach(distance: float) -> float:
+    if finite(distance, "z_approach") < 0:
+        raise BadRequestError("range", f"z_approach must not be negative, got {distance}.")
+    return distance
+
+
+TOOLS = (go_to_pose_arm, go_to_pose_both, move_to_joints_both, apply_policy_action)
