@@ -1,23 +1,14 @@
-"""Pictures of an episode's first and last instant, for people, and where pictures and recordings go."""
+"""Pictures of an episode's first and last instant, for people; nothing reads them back."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from gap_cli.artifacts.heavy import frame_path
 from gap_cli.contracts.types import CameraObservation
 from gap_cli.contracts.world import World
 
 HEIGHT = 240  # px: a report shows hundreds of them
-
-
-def frame_path(folder: Path, seed: int, which: str) -> Path:
-    """Where the `first` or `last` frame of a seed goes."""
-    return folder / "frames" / f"seed-{seed:06d}-{which}.png"
-
-
-def recording_path(folder: Path, seed: int) -> Path:
-    """Where the recording of a seed goes."""
-    return folder / f"seed-{seed:06d}.mcap"
 
 
 def save_frame(world: World, folder: Path, seed: int, which: str) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from gap_cli.artifacts.heavy import recording_path
 from gap_cli.artifacts.run import Run
 from gap_cli.contracts.engine import EpisodeResult, RehearsalJob
 from gap_cli.contracts.world import World, WorldFrame
@@ -14,7 +15,7 @@ from gap_cli.graph.checkpoints import evaluate
 from gap_cli.graph.context import ScriptRunner
 from gap_cli.graph.execute import RunSetup
 from gap_cli.rehearse.episode import run_episode
-from gap_cli.rehearse.frames import recording_path, save_frame
+from gap_cli.rehearse.frames import save_frame
 from gap_cli.rehearse.prepare import Prepared, prepare
 
 if TYPE_CHECKING:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from gap_cli.artifacts.heavy import frame_path, recording_path
 from gap_cli.artifacts.run import Run
 from gap_cli.artifacts.stages import PRODUCT, product
 from gap_cli.artifacts.volatile import read_meta
@@ -49,8 +50,6 @@ def gather(run: Run) -> dict[str, Any]:
 
 def episode(row: Row, timing: Row, folder: Path) -> dict[str, Any]:
     """One episode with its pictures."""
-    from gap_cli.rehearse.frames import frame_path, recording_path
-
     recording = recording_path(folder, row["seed"])
     return {
         **row, "timing": timing,
