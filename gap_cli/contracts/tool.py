@@ -186,7 +186,8 @@ def serves(contract: Tool, *, provider: str, deadline_s: float | None = None) ->
     """Make another provider of a tool whose contract exists: same name, inputs, defaults, outputs and effect.
 
     A docstring of the function's own says how this provider does it; without one the contract's stands. `deadline_s`
-    may differ: how long a call takes is the provider's. Raises TypeError when the inputs' names are not the contract's.
+    may differ: how long a call takes is the provider's. Raises TypeError when the inputs' names, or a declared return,
+    are not the contract's.
     """
 
     def decorate(function: Callable[..., Any]) -> Tool:
@@ -198,6 +199,11 @@ def serves(contract: Tool, *, provider: str, deadline_s: float | None = None) ->
                 f"{function.__name__}({', '.join(given)}) cannot serve {contract.spec.name!r}, "
                 f"whose inputs are {', '.join(wanted)}"
             )
+        returned = typing.get_type_hints(function, include_extras=True).get("return", REQUIRED)
+        if returned is not REQUIRED:
+            output, out_fields = result_types(returned, contract.spec.name)
+            if (output, out_fields) != (contract.spec.output, dict(contract.spec.fields)):
+                raise TypeError(f"{function.__name__} cannot serve {contract.spec.name!r}: it returns something else")
         doc = inspect.getdoc(function) or contract.spec.doc
         seconds = contract.spec.deadline_s if deadline_s is None else deadline_s
         spec = replace(contract.spec, deadline_s=seconds, summary=doc.splitlines()[0], doc=doc)

@@ -39,3 +39,11 @@ def test_other_inputs_are_refused():
         @serves(embedded, provider="remote")
         def remote(ctx, level):
             return level
+
+
+def test_another_output_is_refused():
+    with pytest.raises(TypeError, match=r"lamp\.Light.*returns something else"):
+
+        @serves(embedded, provider="remote")
+        def remote(level, colour) -> str:
+            return colour
