@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from gap_cli.contracts.documents import read_text
-from gap_cli.contracts.failures import DocumentError, UnknownNameError
+from gap_cli.contracts.failures import DocumentError, PrivilegedReadError, UnknownNameError
 from gap_cli.contracts.skill import SkillContract
 from gap_cli.contracts.tool import Tool
 from gap_cli.graph.bind import Scope, constant, is_constant, make_reader
@@ -58,7 +58,7 @@ class _Compiler:
         self.sources: dict[str, str] = {}
         for name, contract in skills.items():
             if contract.kind == "atomic" and name in canonical:
-                self.callees[name] = self._script(name, canonical[name], frozenset(contract.tools), trusted=True)
+                self.callees[name] = self._script(name, canonical[name], self._allowed(contract), trusted=True)
 
     def graph(self) -> CompiledGraph:
         """The whole workflow."""
@@ -83,7 +83,7 @@ class _Compiler:
             raise UnknownNameError("skill", definition.skill, self.skills)
         topology = make_topology(tuple(definition.nodes), definition.edges, definition.conditional_edges, name)
         scope = _scope(name, definition, found[1], topology)
-        allowed = frozenset(found[1].tools)
+        allowed = self._allowed(found[1])
         nodes = tuple(self._node(definition, n, i, topology, scope, allowed) for i, n in enumerate(topology.names))
         outputs = tuple(
             (key, make_reader(value, scope, f"{name}.outputs.{key}")) for key, value in definition.outputs.items()
@@ -114,13 +114,13 @@ class _Compiler:
             streaming=node.streaming,
         )
 
+    def _allowed(self, contract: SkillContract) -> frozenset[str]:
+        """The contract's tools under the names they are served by."""
+        return frozenset(name if name in self.callees else name.replace("_", "-") for name in contract.tools)
+
     def _callee(self, node: Node, where: str, allowed: frozenset[str]) -> Callee | None:
         if node.type == "tool":
-            name = node.tool or ""
-            for spelling in (name, name.replace("_", "-")):
-                if spelling in self.callees:
-                    return self.callees[spelling]
-            raise UnknownNameError(f"tool (node {where})", name, self.callees)
+            return self._tool(node.tool or "", where)
         if node.type in ("script", "router"):
             path = node.script or ""
             trusted = path in self.canonical
@@ -128,6 +128,14 @@ class _Compiler:
         if node.type == "noop":
             return None
         raise DocumentError(where, f"a node of type {node.type!r} cannot stand here")
+
+    def _tool(self, name: str, where: str) -> Callee:
+        callee = self.callees.get(name) or self.callees.get(name.replace("_", "-"))
+        if callee is None:
+            raise UnknownNameError(f"tool (node {where})", name, self.callees)
+        if callee.privileged:
+            raise PrivilegedReadError(f"Node {where!r} calls {name}, which reads what only the simulator knows.")
+        return callee
 
     def _script(self, name: str, file: Path, allowed: frozenset[str], *, trusted: bool) -> Callee:
         text = read_text(file)

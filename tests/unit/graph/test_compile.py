@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gap_cli.contracts.failures import BadRequestError, DocumentError, GapError, UnknownNameError
+from gap_cli.contracts.failures import BadRequestError, DocumentError, GapError, PrivilegedReadError, UnknownNameError
 from gap_cli.contracts.skill import Exits, SkillContract
 from gap_cli.contracts.tool import tool
 from gap_cli.contracts.types import Vec3
@@ -43,6 +43,21 @@ def test_what_is_not_there_is_named(node, error, says):
 def test_an_unknown_skill_is_named():
     with pytest.raises(UnknownNameError, match="fake"):
         compile_fake(one("fake.Nothing", skill="fakee"))
+
+
+@pytest.mark.parametrize("recovery", [False, True])
+def test_a_privileged_tool_is_refused_in_a_graph_and_in_a_recovery(recovery):
+    @tool("fake.Truth", privileged=True)
+    def truth() -> None:
+        """Reads ground truth."""
+
+    w = (
+        fake_workflow({"a": "fake.Nothing"}, CHAIN, recovery=[{"tool": "fake.Truth"}])
+        if recovery
+        else one("fake.Truth")
+    )
+    with pytest.raises(PrivilegedReadError, match=r"fake\.Truth"):
+        compile_fake(w, truth)
 
 
 def test_the_papers_spelling_of_a_skill_resolves():
@@ -108,3 +123,16 @@ def test_an_atomic_skill_is_called_like_a_tool(tmp_path):
     seen = []
     run_graph(compile_workflow(w, Path(), fake_tools(), skills, {"twice-it": file}), RunSetup(), [seen.append])
     assert seen[-2].data["outputs"] == {"o": 8.0}
+
+
+def test_a_script_may_call_an_atomic_skill_its_contract_spells_the_papers_way(tmp_path):
+    files = {n: tmp_path / f"{n}.py" for n in ("twice", "main")}
+    files["twice"].write_text("def run(ctx, x: float) -> float:\n    return ctx.tool('fake.Add', a=x, b=x).total\n")
+    files["main"].write_text("def run(ctx) -> float:\n    return ctx.tool('twice_it', x=3)\n")
+    atomic = SkillContract(kind="atomic", exits=Exits(success={"ok": "ok"}, failure="failed"), tools=["fake.Add"])
+    skills = {"fake": fake_skill(tools=["twice_it"]), "twice-it": atomic}
+    w = one({"type": "script", "script": "scripts/main.py"}, outputs={"o": {"$ref": "a"}})
+    canonical = {"twice-it": files["twice"], "scripts/main.py": files["main"]}
+    seen = []
+    run_graph(compile_workflow(w, Path(), fake_tools(), skills, canonical), RunSetup(), [seen.append])
+    assert seen[-2].data["outputs"] == {"o": 6.0}

@@ -11,6 +11,7 @@ import sys
 import textwrap
 import threading
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -594,6 +595,31 @@ def test_c17_a_node_that_hogs_the_interpreter_cannot_silence_the_watchdog(tmp_pa
     )
     assert done.returncode == -signal.SIGKILL, done.stderr
     assert (tmp_path / "stopped").exists()
+
+
+# Nothing piles up
+
+
+def test_thousands_of_nodes_leave_no_thread_and_no_file_behind():
+    nodes = {f"n{i:02d}": node("Count") for i in range(20)}
+    parallel, serial = compile_fake(fan(**nodes)), compile_fake(chain(**nodes))
+    w = beside(stream(), c=node("Echo", value={"$ref": "s"}))
+    streaming, pool = compile_fake(w), Pool(4)
+
+    def work(times):
+        for _ in range(times):
+            run_graph(parallel, RunSetup(pool=pool))
+            run_graph(serial, RunSetup(world=FakeWorld()))
+        run_graph(streaming, RunSetup())
+
+    def held():
+        return threading.active_count(), len(list(Path("/proc/self/fd").iterdir()))
+
+    work(5)
+    before = held()
+    work(100)
+    threads, files = held()
+    assert threads <= before[0] + 4 and files <= before[1]
 
 
 # C18

@@ -6,7 +6,9 @@ import textwrap
 
 import pytest
 
-from gap_cli.errors import ExecutionError, ToolError
+from gap_cli.contracts.tool import ToolContext
+from gap_cli.contracts.tool import tool as tool_
+from gap_cli.errors import ExecutionError, SimulationDivergedError, ToolError
 from gap_cli.graph.execute import RunSetup, run_graph
 from gap_cli.graph.model import Workflow
 from gap_cli.testing import FakeWorld, compile_fake, fake_workflow, run_fake
@@ -347,6 +349,24 @@ def test_a_run_out_of_world_time_ends_at_the_next_step():
     result = run_fake(w, world=world, world_budget_s=1.0)
     assert result.status == "error" and "time is up" in result.error
     assert world.arms[0].commands == ["execute"]
+
+
+def test_a_run_out_of_wall_time_is_stopped_wherever_it_is():
+    result = run_fake(fake_workflow({"a": tool("Spin")}, [("START", "a"), ("a", "done")]), budget_s=0.05)
+    assert result.status == "error" and "longer than its 0.05 s" in result.error and result.failed_node == "main/a"
+
+
+def test_physics_that_diverged_ends_the_run_at_once_and_nothing_moves_again():
+    @tool_("fake.Diverge", effect="actuate", resources=("arm:0",))
+    def diverge(ctx: ToolContext) -> None:
+        """Blows up."""
+        raise SimulationDivergedError("qacc is not finite")
+
+    world = FakeWorld()
+    w = fake_workflow({"a": "fake.Diverge"}, [("START", "a"), ("a", "done")], recovery=[{"tool": "fake.Grip"}])
+    result = run_fake(w, diverge, world=world)
+    assert result.status == "error" and isinstance(result.causes[0], SimulationDivergedError)
+    assert world.arms[0].commands == [] and len(result.causes) == 1
 
 
 def test_an_inline_script_without_a_jail_is_refused_before_anything_runs(tmp_path):
