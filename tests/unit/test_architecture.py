@@ -25,7 +25,8 @@ LAYER = {
     "bench": 3,
     "commands": 4,
 }
-FOUNDATIONS = {"errors", "hookspecs", "plugins", "testing", "__init__", "__version__"}  # files beside the rooms, open to all
+# Files beside the rooms, open to all.
+FOUNDATIONS = {"errors", "hookspecs", "plugins", "testing", "__init__", "__version__"}
 SOURCES = sorted(p for room in ("gap_cli", "plugins", "morsl") for p in (ROOT / room).rglob("*.py"))
 
 
