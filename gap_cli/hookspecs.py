@@ -64,6 +64,13 @@ def gap_register_benchmarks(register: Register) -> None:
 
 
 @hookspec
+def gap_register_preparations(register: Register) -> None:
+    """register(name, function): function(ctx) makes what the plugin's tools derive from the models alone, through
+    `ctx.shared`; called once per process before the first episode, so that no cycle pays for it. `ctx` has `task`,
+    `robot` and `shared` of a `ToolContext`, and no world."""
+
+
+@hookspec
 def gap_register_checks(register: Register) -> None:
     """register(name, function): what `gap doctor` asks of this machine, in a process of its own; function() returns a
     line saying what it found, or raises `GapError` with what to install."""

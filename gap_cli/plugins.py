@@ -34,7 +34,7 @@ FIRST_PARTY = (
     "gap_cli.bench",
     "morsl",
 )
-ENTRY_KINDS = ("worlds", "robots", "authors", "policies", "engines", "benchmarks", "checks")
+ENTRY_KINDS = ("worlds", "robots", "authors", "policies", "engines", "benchmarks", "checks", "preparations")
 log = logging.getLogger(__name__)
 
 
@@ -73,6 +73,7 @@ class Registry:
     engines: dict[str, Entry] = field(default_factory=dict)
     benchmarks: dict[str, Entry] = field(default_factory=dict)
     checks: dict[str, Entry] = field(default_factory=dict)
+    preparations: dict[str, Entry] = field(default_factory=dict)
 
     @property
     def tools(self) -> dict[str, Tool]:

@@ -43,7 +43,7 @@ def run_episode(
         return _lost(seed, "diverged", error), False
     began, reset_s = world.time, time.perf_counter() - start
     on_reset()
-    watch = Watch(world, prepared.graph, prepared.checkpoints)
+    watch = Watch(world, prepared.graph, prepared.checkpoints, prepared.conditions.objects)
     try:
         result = run_graph(prepared.graph, setup, [watch, *observers])
         motion = world.time - began

@@ -74,6 +74,11 @@ def _numbers(row: Row, stage: str) -> list[str]:
     for name, point in visit["checkpoints"].items():
         found.append(f"{name} = {point['passed']}")
         found += [f"{key} = {_number(value)}" for key, value in point["values"].items()]
+    for thing, value in visit["state"].items():
+        if isinstance(value, dict):
+            found.append(f"{thing} at {_number(value['position'])}, contacts {_number(value['contacts'])}")
+        else:
+            found.append(f"{thing} = {_number(value)}")
     return found
 
 
@@ -83,8 +88,8 @@ def _transitions(row: Row, stage: str) -> list[str]:
     lines = []
     for node in nodes[-4:]:
         parts = [f"{thing}: {_change(change)}" for thing, change in node["changes"].items()]
-        ending = "" if node["ok"] else f" failed: {node['error']}"
-        lines.append(f"`{node['node']}`{ending} " + ("; ".join(parts) or "changed nothing"))
+        parts += [] if node["ok"] else [f"failed: {node['error']}"]
+        lines.append(f"`{node['node']}` " + ("; ".join(parts) or "changed nothing"))
     return lines
 
 

@@ -16,7 +16,8 @@ from gap_cli.graph.context import ScriptRunner
 from gap_cli.graph.execute import RunSetup
 from gap_cli.rehearse.episode import run_episode
 from gap_cli.rehearse.frames import save_frame
-from gap_cli.rehearse.prepare import Prepared, prepare
+from gap_cli.rehearse.prepare import Prepared, prepare, tools_used
+from gap_cli.rehearse.warm import warm_up
 
 if TYPE_CHECKING:
     from gap_cli.rehearse.mcap import McapRecorder
@@ -37,6 +38,8 @@ class Stage:
     def build(cls, job: RehearsalJob) -> Stage:
         """Compile the graph and make the world. Raises `GapError` for what would fail every episode."""
         prepared = prepare(Run(job.run), job.workflow)
+        inventory = prepared.inventory
+        warm_up(inventory.registry, inventory.task, frozenset(tools_used(prepared.graph)))
         return cls(job, prepared, make_world(prepared), open_jail(prepared))
 
     def roll(self, seed: int) -> EpisodeResult:

@@ -6,7 +6,7 @@ An observer of the interpreter's events; its privileged snapshots are taken betw
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gap_cli.contracts.codec import to_plain
@@ -25,12 +25,18 @@ class Watch:
 
     essential = True  # an episode that was not watched cannot be judged
 
-    def __init__(self, world: World, graph: CompiledGraph, checkpoints: Mapping[str, tuple[Checkpoint, ...]]) -> None:
+    def __init__(
+        self,
+        world: World,
+        graph: CompiledGraph,
+        checkpoints: Mapping[str, tuple[Checkpoint, ...]],
+        objects: Sequence[str] = (),
+    ) -> None:
         self.nodes: list[dict[str, Any]] = []
         self.subgraphs: list[dict[str, Any]] = []
         self.computed: dict[str, float] = {}
         self.failed: dict[str, str] = {}  # code of the error each failed node ended with
-        self._world, self._checkpoints = world, checkpoints
+        self._world, self._checkpoints, self._objects = world, checkpoints, objects
         self._tops = {node.name: node.subgraph for node in graph.nodes if node.subgraph is not None}
         self._before: dict[str, WorldSnapshot] = {}
         self._entered: dict[str, float] = {}
@@ -75,6 +81,7 @@ class Watch:
         self.subgraphs.append({
             "node": event.path, "exit": name, "ok": ok, "passed": ok and kept,
             "motion_s": now - self._entered.pop(event.path, now), "checkpoints": points,
+            "state": to_plain(state(self._snapshot(), self._objects)),
         })  # fmt: skip
 
     def _checkpoint(self, point: Checkpoint) -> dict[str, Any]:
@@ -87,6 +94,15 @@ class Watch:
         if self._last is None or self._last.time != self._world.time:
             self._last = self._world.snapshot()
         return self._last
+
+
+def state(snapshot: WorldSnapshot, objects: Sequence[str]) -> dict[str, Any]:
+    """The named objects' positions [m] and contacts, and the jaws' openings [m], for a reader of failures."""
+    bodies = {name: snapshot.bodies[name] for name in objects if name in snapshot.bodies}
+    found: dict[str, Any] = {
+        name: {"position": body.pose.position.array, "contacts": sorted(body.contacts)} for name, body in bodies.items()
+    }
+    return {**found, **{f"gripper:{i}": arm.gripper_width for i, arm in enumerate(snapshot.arms)}}
 
 
 def message(error: Any) -> str:

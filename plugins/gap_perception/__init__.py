@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from gap_cli.hookspecs import Register, hookimpl
 
 
@@ -12,3 +14,15 @@ def gap_register_tools(register: Register) -> None:
     for module in (observation, detect, segment, language, tracker, mesh):
         for tool in module.TOOLS:
             register(tool)
+
+
+@hookimpl
+def gap_register_preparations(register: Register) -> None:
+    register("object models", _learn_models)
+
+
+def _learn_models(ctx: Any) -> None:
+    """Render and describe the task's object models once, before an episode asks for them."""
+    from gap_perception.scene.analyse import vocabulary_of
+
+    vocabulary_of(ctx)
