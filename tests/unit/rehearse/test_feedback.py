@@ -28,6 +28,7 @@ def test_representative_failures_carry_their_numbers(page):
     assert f"exit = {visit['exit']}" in text
     assert f"can_y = {visit['checkpoints']['near']['values']['can_y']:.3f}" in text
     assert "`main/act` failed: The jaws closed on nothing." in text
+    assert "gripper:0 = 0.080" in text and "contacts [floor]" in text
 
 
 def test_the_signal_names_what_the_contract_lets_one_change(page):
