@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from gap_cli.contracts.bench import BenchReport, Progress
 from gap_cli.hookspecs import Register, hookimpl
 
 
@@ -11,3 +12,15 @@ def gap_register_tools(register: Register) -> None:
 
     for tool in tools.TOOLS:
         register(tool)
+
+
+@hookimpl
+def gap_register_benchmarks(register: Register) -> None:
+    register("grasps", _grasps)
+
+
+def _grasps(progress: Progress) -> BenchReport:
+    """Grasps executed in physics, by generator, object and score."""
+    from gap_grasps.bench_run import run
+
+    return run(progress)

@@ -84,7 +84,7 @@ def place(task: Task, name: str, seed: int) -> Instance:
     if shape.kind == "box" and rng.random() < 0.5:
         rest = Rotation.from_euler("xyz", LYING[rng.integers(len(LYING))], degrees=True)
     R = Rotation.from_euler("z", yaw, degrees=True) * rest
-    pose = Se3Pose(Vec3(*map(float, xy), floor + height(shape.size, R) / 2), Quaternion.of(R))
+    pose = Se3Pose(Vec3(float(xy[0]), float(xy[1]), floor + height(shape.size, R) / 2), Quaternion.of(R))
     return Instance(seed, name, {name: pose})
 
 

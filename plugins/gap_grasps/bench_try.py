@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from gap_cli.contracts.failures import ToolError
 from gap_cli.contracts.robot import RobotSpec
@@ -15,8 +16,10 @@ from gap_cli.contracts.task import Task
 from gap_cli.contracts.tool import Tool
 from gap_cli.contracts.types import Array, CameraObservation, JointState, Mask, PointCloud, Quaternion, Se3Pose, Vec3
 from gap_cli.contracts.world import World
+from gap_grasps.clearance import STRAY
 
 APPROACH = 0.10  # m of straight approach
+SPEED = 0.25  # m/s of the approach: at 1 m/s a leaning arm overshoots by several millimetres
 LIFT = 0.15  # m
 HOLD = 1.0  # s
 ONE_BRANCH = 1.0  # rad a joint may turn while lifting; more means another branch of the inverse kinematics
@@ -122,24 +125,41 @@ def attempt(cell: Cell, seen: Seen, generate: Generator, pick: Callable[[Ranked]
         return row | {"reason": error.code}
     row |= {"grasps": len(ranked), "ms": 1e3 * (time.process_time() - started)}
     for rank, (pose, score) in enumerate(pick(ranked)[:TRIED]):
-        reachable = in_reach(cell, pose)
+        reachable = in_reach(cell, pose, seen.scene)
         if reachable is not None:
             return row | {"rank": rank, "score": score, "pose": reachable, "reason": execute(cell, reachable)}
     return row | {"reason": "unreachable" if ranked else "no_grasp"}
 
 
-def in_reach(cell: Cell, pose: Se3Pose) -> Se3Pose | None:
-    """The grasp, or the one with the jaws exchanged, if the arm can approach, take and lift so."""
+def in_reach(cell: Cell, pose: Se3Pose, scene: Array) -> Se3Pose | None:
+    """The grasp, or the one with the jaws exchanged, if the arm can approach, take and lift so, clear of the scene."""
     for turned in (pose, Se3Pose(pose.position, Quaternion.of(pose.rotation.rotation * HALF_TURN))):
         try:
             way = cell.tool("pyroki.PlanLinear", start_pose=backed_off(turned), end_pose=turned).trajectory
+            cell.tool("pyroki.PlanLinear", start_pose=turned, end_pose=lifted(turned))
             taken = JointState(way.positions[-1])
             up = cell.tool("pyroki.SolveIK", target_pose=lifted(turned), prev_config=taken).joint_config
         except ToolError:
             continue
-        if np.abs(up.positions - taken.positions).max() < ONE_BRANCH:
+        on_one_branch = np.abs(up.positions - taken.positions).max() < ONE_BRANCH
+        if on_one_branch and all(
+            _arm_is_clear(cell, way.positions[i], scene) for i in (0, len(way.positions) // 2, -1)
+        ):
             return turned
     return None
+
+
+def _arm_is_clear(cell: Cell, joints: Array, scene: Array) -> bool:
+    """Does the arm, up to and without the hand, meet at most a stray point?"""
+    from gap_motion.kinematics import chain, sphere_centers
+
+    spec, base = cell.robot(), cell.world.arms[0].base_pose
+    before = [k.frame < spec.dof - 1 for k in (chain(spec).links[s.link] for s in spec.spheres)]
+    centers = sphere_centers(spec, joints)[before] @ base.rotation.rotation.as_matrix().T + base.position.array
+    radii = np.array([s.radius for s in spec.spheres])[before]
+    distance, nearest = cKDTree(centers).query(scene, distance_upper_bound=float(radii.max()))
+    met = np.isfinite(distance)
+    return int(np.count_nonzero(distance[met] < radii[nearest[met]])) <= STRAY
 
 
 def execute(cell: Cell, pose: Se3Pose) -> str:
@@ -147,7 +167,7 @@ def execute(cell: Cell, pose: Se3Pose) -> str:
     try:
         cell.tool("gripper.Open")
         cell.tool("robot_control.GoToPose", pose=backed_off(pose))
-        cell.tool("robot_control.GoToPoseCartesian", pose=pose)
+        cell.tool("robot_control.GoToPoseCartesian", pose=pose, lin_vel_norm=SPEED)
         cell.tool("gripper.Close")
         cell.tool("robot_control.GoToPoseCartesian", pose=lifted(pose))
         cell.world.wait(HOLD)

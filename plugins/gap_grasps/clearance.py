@@ -6,20 +6,20 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation
 
 from gap_cli.contracts.robot import GripperSpec, RobotSpec
 from gap_cli.contracts.types import Array
 
 SUPPORT_GAP = 0.003  # m the hand stays above the support
-FINGER_GAP = 0.0015  # m the fingers stay away from points
+FINGER_GAP = 0.0015  # m the fingers stay away from points, and
+PALM_GAP = 0.002  # m the palm does: half a pixel's error
 SHADOW = 0.06  # m of straight approach on which the fingers must be free
 STRAY = 2  # points in the hand's way that are no obstacle: noise puts some anywhere
 BATCH = 64  # poses looked at together
 
 
 class Hand(NamedTuple):
-    """The open hand in the TCP frame: the gripper, and the palm's spheres, `centers` (S, 3) and `radii` (S,) [m]."""
+    """The open hand in the TCP frame: the gripper; palm and wrist as spheres, `centers` (S, 3) and `radii` (S,) [m]."""
 
     gripper: GripperSpec
     centers: Array
@@ -27,12 +27,15 @@ class Hand(NamedTuple):
 
     @classmethod
     def of(cls, spec: RobotSpec) -> Hand:
-        """The hand of a robot: the collision spheres of its flange link."""
-        w, x, y, z = spec.tcp_offset_quaternion
-        turn = Rotation.from_quat([x, y, z, w]).as_matrix()
-        spheres = [s for s in spec.spheres if s.link == spec.flange_link]
-        centers = np.array([s.center for s in spheres]).reshape(-1, 3) - spec.tcp_offset_position
-        return cls(spec.gripper, centers @ turn, np.array([s.radius for s in spheres]))
+        """The hand of a robot: the collision spheres of its flange link, and of what is fixed to that."""
+        from gap_motion.kinematics import chain as chain_of
+
+        chain = chain_of(spec)
+        fixed = {n: k for n, k in chain.links.items() if k.frame == chain.dof - 1 and not k.slide.any()}
+        T_tcp_frame = np.linalg.inv(chain.tcp)
+        spheres = [s for s in spec.spheres if s.link in fixed]
+        placed = [T_tcp_frame @ fixed[s.link].transform @ np.append(s.center, 1.0) for s in spheres]
+        return cls(spec.gripper, np.array(placed).reshape(-1, 4)[:, :3], np.array([s.radius for s in spheres]))
 
 
 def clear_of(points: Array, T_tcp: Array, hand: Hand) -> Array:
@@ -60,9 +63,9 @@ def _palm_is_free(points: Array, T_tcp: Array, hand: Hand) -> Array:
     centers = hand.centers @ T_tcp[:, :3, :3].transpose(0, 2, 1) + T_tcp[:, None, :3, 3]
     k = min(STRAY + 1, len(points))
     distance, _ = cKDTree(points).query(
-        centers.reshape(-1, 3), k=[k], distance_upper_bound=float(hand.radii.max()) + 1e-6
+        centers.reshape(-1, 3), k=[k], distance_upper_bound=float(hand.radii.max()) + 2 * PALM_GAP
     )
-    return np.asarray((distance.reshape(len(T_tcp), -1) >= hand.radii).all(axis=1))
+    return np.asarray((distance.reshape(len(T_tcp), -1) >= hand.radii + PALM_GAP).all(axis=1))
 
 
 def above(floor: float, T_tcp: Array, hand: Hand) -> Array:
