@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from gap_cli.hookspecs import Register, hookimpl
 
 
@@ -12,3 +14,14 @@ def gap_register_tools(register: Register) -> None:
     for module in (clouds, boxes, grasps, placement, scene):
         for tool in module.TOOLS:
             register(tool)
+
+
+@hookimpl
+def gap_register_preparations(register: Register) -> None:
+    register("geometry libraries", _load_libraries)
+
+
+def _load_libraries(ctx: Any) -> None:
+    """Import what the first call would otherwise wait for."""
+    import cv2  # noqa: F401
+    import sklearn.cluster  # noqa: F401

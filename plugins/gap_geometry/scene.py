@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from gap_cli.contracts.failures import BadRequestError
 from gap_cli.contracts.tool import ToolContext, tool
@@ -20,8 +21,8 @@ from gap_cli.contracts.types import (
     WorldConfig,
 )
 from gap_geometry.boxes import MIN_POINTS, compute_obb
-from gap_geometry.checks import valid_depth
-from gap_geometry.clouds import back_project, cluster, to_frame
+from gap_geometry.checks import focal, valid_depth
+from gap_geometry.clouds import cluster, to_frame
 
 SUPPORT_MARGIN = 0.006  # m above a known support below which a point is taken for the support itself (depth noise)
 # m a robot's surface may lie outside its planning spheres (covers, cables) plus calibration error: unmasked, the
@@ -58,8 +59,7 @@ def build_world_config(
         raise BadRequestError(
             "range", f"voxel_size and mesh_alpha must be positive, got {voxel_size} and {mesh_alpha}."
         )
-    named, rest = _split(cameras, object_masks)
-    rest = rest[_above_supports(ctx, rest)]
+    named, rest = _split(ctx, cameras, object_masks)
     if robot_joint_state is not None:
         rest = rest[~_on_robot(ctx, rest, robot_joint_state)]
     if target_obb is not None:
@@ -72,8 +72,10 @@ def build_world_config(
     return BuiltWorld(WorldConfig(tuple(found)), [o.name for o in found])
 
 
-def _split(cameras: list[CameraObservation], masks: list[ObjectMask]) -> tuple[dict[str, list[Array]], Array]:
-    """World points under each named mask, and all the others, over all cameras."""
+def _split(
+    ctx: ToolContext, cameras: list[CameraObservation], masks: list[ObjectMask]
+) -> tuple[dict[str, list[Array]], Array]:
+    """World points under each named mask, and all others above the supports, over all cameras."""
     named: dict[str, list[Array]] = {}
     rest: list[Array] = [np.zeros((0, 3))]
     for item in masks:
@@ -84,25 +86,38 @@ def _split(cameras: list[CameraObservation], masks: list[ObjectMask]) -> tuple[d
         if item.mask.data.shape != cameras[item.camera_index].depth.data.shape:
             raise BadRequestError("shape", f"Mask {item.name!r} and its camera's depth image differ in size.")
     for index, camera in enumerate(cameras):
-        free = valid_depth(camera.depth)
+        free, points = valid_depth(camera.depth), _world(camera)
         for item in (m for m in masks if m.camera_index == index):
-            named.setdefault(item.name, []).append(_world(camera, item.mask.data & free))
+            named.setdefault(item.name, []).append(points[item.mask.data & free])
             free &= ~item.mask.data
-        rest.append(_world(camera, free))
+        rest.append(points[_above_supports(ctx, points, free)])
     return named, np.concatenate(rest)
 
 
-def _world(camera: CameraObservation, pixels: Array) -> Array:
-    return to_frame(back_project(camera.depth, camera.intrinsics, pixels), camera.pose)
+def _world(camera: CameraObservation) -> Array:
+    """World point of every pixel (H, W, 3) [m]: rays are sums of a row and a column, which spares a product each."""
+    fx, fy, cx, cy = focal(camera.intrinsics)
+    rows, columns = camera.depth.data.shape
+    right, down = (np.arange(columns) - cx) / fx, (np.arange(rows) - cy)[:, None] / fy
+    T = camera.pose.matrix
+    depth = np.where(np.isfinite(camera.depth.data), camera.depth.data, 0.0).astype(float)
+    out = np.empty((rows, columns, 3))
+    for axis in range(3):
+        out[..., axis] = depth * (T[axis, 0] * right + T[axis, 1] * down + T[axis, 2]) + T[axis, 3]
+    return out
 
 
-def _above_supports(ctx: ToolContext, points: Array) -> Array:
-    keep = np.ones(len(points), dtype=bool)
+def _above_supports(ctx: ToolContext, points: Array, free: Array) -> Array:
+    """Which of the `free` pixels (H, W) show something in the workspace that is not a support itself."""
+    x, y, z = points[..., 0], points[..., 1], points[..., 2]
+    keep = free.copy()
     for support in ctx.task.environment.supports.values():
-        over = (np.abs(points[:, :2] - support.center) <= support.half_size).all(axis=1)
-        keep &= ~(over & (points[:, 2] < support.z + SUPPORT_MARGIN))
-    low, high = np.array(ctx.task.environment.workspace)
-    return np.asarray(keep & ((points >= low) & (points <= high)).all(axis=1))
+        (at_x, at_y), (half_x, half_y) = support.center, support.half_size
+        over = (np.abs(x - at_x) <= half_x) & (np.abs(y - at_y) <= half_y)
+        keep &= ~(over & (z < support.z + SUPPORT_MARGIN))
+    for value, low, high in zip((x, y, z), *ctx.task.environment.workspace, strict=True):
+        keep &= (value >= low) & (value <= high)
+    return keep
 
 
 def _on_robot(ctx: ToolContext, points: Array, joints: JointState) -> Array:
@@ -112,8 +127,9 @@ def _on_robot(ctx: ToolContext, points: Array, joints: JointState) -> Array:
     centers = to_frame(sphere_centers(spec, joints.positions), base)
     radii = np.array([s.radius for s in spec.spheres])
     on = np.zeros(len(points), dtype=bool)
-    for center, radius in zip(centers, radii, strict=True):
-        on |= np.linalg.norm(points - center, axis=1) <= radius + ROBOT_MARGIN
+    if len(points):
+        for near in cKDTree(points).query_ball_point(centers, radii + ROBOT_MARGIN):
+            on[near] = True
     return on
 
 
@@ -123,8 +139,14 @@ def _inside(points: Array, box: OrientedBoundingBox, margin: float) -> Array:
 
 
 def _voxels(points: Array, size: float) -> Array:
-    """One point, the centre, per occupied voxel."""
-    return (np.unique(np.floor(points / size).astype(np.int64), axis=0) + 0.5) * size
+    """One point, the centre, per occupied voxel, in order of x, y, z."""
+    cells = np.floor(points / size).astype(np.int64)
+    if not len(cells):
+        return points
+    low = cells.min(axis=0)
+    spans = cells.max(axis=0) - low + 1
+    keys = np.unique(np.ravel_multi_index(tuple((cells - low).T), tuple(spans)))
+    return np.asarray((np.column_stack(np.unravel_index(keys, tuple(spans))) + low + 0.5) * size)
 
 
 def _groups(points: Array, gap: float) -> list[Obstacle | None]:
