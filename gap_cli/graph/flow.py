@@ -110,15 +110,21 @@ class Flow:
             bodies[head] = bodies.get(head, 0) | body
         return bodies
 
+    def leaving(self, body: int) -> list[int]:
+        """Edges that lead out of the body of a loop."""
+        inside = (i for i in self.order if body >> i & 1)
+        return [n for i in inside for n in self.out[i] if not body >> self.arcs[n].target & 1]
+
     @cached_property
     def irreducible(self) -> frozenset[int]:
         """Back edges whose target does not dominate their source: a loop with two ways in."""
         if not self.back:
             return frozenset()
-        return frozenset(n for n in self.back if not self._dominators[self.arcs[n].source] >> self.arcs[n].target & 1)
+        return frozenset(n for n in self.back if not self.dominators[self.arcs[n].source] >> self.arcs[n].target & 1)
 
     @cached_property
-    def _dominators(self) -> dict[int, int]:
+    def dominators(self) -> dict[int, int]:
+        """For each node, the nodes on every way to it from START, itself included."""
         everything = (1 << len(self.names)) - 1
         found = dict.fromkeys(self.order, everything)
         found[0] = 1
@@ -149,62 +155,26 @@ class Flow:
             found[node] = mask
         return found
 
-    @cached_property
-    def after(self) -> dict[int, int]:
-        """For each node, what surely runs once it has started, if the graph ends well: itself and its consequences."""
-        found = dict.fromkeys(self.order, 0)
-        exits = {head: self._exits(body) for head, body in self.loops.items()}
-        changed = True
-        while changed:
-            changed = False
-            for node in reversed(self.order):
-                mask = self._consequences(node, found, exits)
-                if mask != found[node]:
-                    found[node], changed = mask, bool(self.back)
-        return found
-
-    def _consequences(self, node: int, found: Mapping[int, int], exits: Mapping[int, list[int]]) -> int:
-        mask, options, any_option = 1 << node, -1, False
-        for number in self.out[node]:
-            arc = self.arcs[number]
-            if number not in self.back:
-                reached = found[arc.target]
-            else:  # a new pass: what it surely leads to beyond the loop is what every way out of the loop leads to
-                ways = [found[t] for t in exits.get(arc.target, ())]
-                reached = _intersection(ways) if ways else 0
-            if arc.value is None:
-                mask |= reached
-            else:
-                options, any_option = options & reached, True
-        return mask | options if any_option else mask
-
-    def _exits(self, body: int) -> list[int]:
-        inside = [i for i in range(len(self.names)) if body >> i & 1]
-        arcs = (self.arcs[n] for i in inside for n in self.out[i])
-        return [a.target for a in arcs if not body >> a.target & 1 and a.target in self.rank]
+    def _sure(self, node: int) -> int:
+        """The nodes that surely start in every run in which this one does."""
+        within = frozenset(head for head, body in self.loops.items() if body >> node & 1)
+        if within not in self._certain:
+            self._certain[within] = Certain(self, within)
+        return self._certain[within].sure[node]
 
     @cached_property
-    def _sure(self) -> dict[int, int]:
-        """For each node, the nodes that surely start in every run in which it does."""
-        found: dict[int, int] = {}
-        for node in self.order:
-            ways = [
-                found[self.arcs[n].source]
-                for n in self.into[node]
-                if n not in self.back and self.arcs[n].source in found
-            ]
-            found[node] = self.after[node] | (_intersection(ways) if ways else 0)
-        return found
+    def _certain(self) -> dict[frozenset[int], Certain]:
+        return {}
 
     def surely_before(self, node: str, other: str) -> bool:
         """True when `other` has always finished when `node` starts."""
         n, o = self.index[node], self.index[other]
-        return n in self.rank and bool((self._sure[n] & self.before[n]) >> o & 1)
+        return n in self.rank and bool((self._sure(n) & self.before[n]) >> o & 1)
 
     def surely_started(self, node: str, stream: str) -> bool:
         """True when the streaming node `stream`, which nothing waits for, has always been started before `node`."""
         n, s = self.index[node], self.index[stream]
-        if n not in self.rank or not self._sure[n] >> s & 1:
+        if n not in self.rank or not self._sure(n) >> s & 1:
             return False
         sources = {self.arcs[a].source for a in self.into[s]}
         return all(source == 0 or self.before[n] >> source & 1 for source in sources)
@@ -212,6 +182,59 @@ class Flow:
     def can_precede(self, node: str, other: str) -> bool:
         """True when `other` leads to `node` within one pass."""
         return bool(self.before.get(self.index[node], 0) >> self.index[other] & 1)
+
+
+class Certain:
+    """What surely starts once a node has, in runs that end well: itself, its consequences, and what led to it.
+
+    Who asks matters. Seen from outside a loop, a new pass leads to what every way out of the loop leads to and to what
+    lies on the way there. Seen from within (`within`: the heads of the loops that hold the node that asks), it may be
+    the first pass, so only what comes after the loop counts.
+    """
+
+    def __init__(self, flow: Flow, within: frozenset[int]) -> None:
+        self.flow, self.within = flow, within
+        self.after = dict.fromkeys(flow.order, 0)
+        changed = True
+        while changed:
+            changed = False
+            self.beyond: dict[int, int] = {}  # by head of a loop; found anew in every round
+            for node in reversed(flow.order):
+                mask = self._consequences(node)
+                if mask != self.after[node]:
+                    self.after[node], changed = mask, bool(flow.back)
+        self.sure: dict[int, int] = {}
+        for node in flow.order:
+            sources = [flow.arcs[n].source for n in flow.into[node] if n not in flow.back]
+            ways = [self.sure[s] for s in sources if s in self.sure]
+            self.sure[node] = self.after[node] | (_intersection(ways) if ways else 0)
+
+    def _consequences(self, node: int) -> int:
+        mask, options, any_option = 1 << node, -1, False
+        for number in self.flow.out[node]:
+            reached = self._leads_to(number)
+            if self.flow.arcs[number].value is None:
+                mask |= reached
+            else:
+                options, any_option = options & reached, True
+        return mask | options if any_option else mask
+
+    def _leads_to(self, number: int) -> int:
+        """What surely starts once this edge is taken."""
+        target = self.flow.arcs[number].target
+        return self._beyond(target) if number in self.flow.back else self.after[target]
+
+    def _beyond(self, head: int) -> int:
+        """What surely starts once a loop goes round again."""
+        if head not in self.beyond:
+            flow, ways = self.flow, []
+            self.beyond[head] = 0  # loops that are not nested properly (rule R3 has them) may lead back here
+            body = flow.loops.get(head, 0)
+            for out in flow.leaving(body):
+                on_the_way = flow.dominators[flow.arcs[out].source] & body if head not in self.within else 0
+                ways.append(self._leads_to(out) | on_the_way)
+            self.beyond[head] = _intersection(ways) if ways else 0
+        return self.beyond[head]
 
 
 def _intersection(masks: Iterable[int]) -> int:
