@@ -8,7 +8,7 @@ from typing import Any
 
 from gap_cli.author.build import Generated, draft
 from gap_cli.author.plans import Plan, PlanData, Segment
-from gap_cli.author.steps import literal_role
+from gap_cli.author.steps import literal_source
 from gap_cli.contracts.documents import read_text
 from gap_cli.contracts.skill import NAME_SLOT, SkillContract
 from gap_cli.contracts.tool import Tool, ToolSpec
@@ -100,8 +100,8 @@ def _subgraph(bundle: SkillBundle, tools: Mapping[str, ToolSpec]) -> list[Findin
 
 
 def _literal(contract: SkillContract, name: str, labels: Mapping[str, str], roles: Mapping[str, str]) -> Any:
-    role = literal_role(contract, name)
-    return labels[roles[role]] if role is not None else _LITERALS.get(contract.literals[name], "thing")
+    role, what = literal_source(contract, name) or ("", "")
+    return labels[roles[role]] if what == "name" else _LITERALS.get(contract.literals[name], "thing")
 
 
 def run_alone(bundle: SkillBundle, tools: Mapping[str, Tool], world: World, folder: Path) -> RunResult:

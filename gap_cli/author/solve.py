@@ -14,8 +14,8 @@ from gap_cli.skills.facts import Fact, parse_fact
 INITIALLY = frozenset({Fact("hand_empty")})  # an episode starts with the arm at home and nothing held
 
 
-def solve(goals: Sequence[Goal], repertoire: Repertoire) -> list[list[Step]]:
-    """Steps for the goals in their order; the members of one layer may run at the same time.
+def solve(goals: Sequence[Goal], repertoire: Repertoire) -> list[list[list[Step]]]:
+    """For each goal, in order, its layers of steps; the members of one layer may run at the same time.
 
     Goals are not interleaved: what is seen for one goal is seen right before it, not before the arm has moved
     through the scene for another. No step undoes a goal already reached.
@@ -24,11 +24,11 @@ def solve(goals: Sequence[Goal], repertoire: Repertoire) -> list[list[Step]]:
     objects = list(dict.fromkeys(name for goal in goals for name in (goal.target, goal.container)))
     mentioned = partial(_rank, objects)
     state, reached = State(INITIALLY), frozenset[Fact]()
-    found: list[list[Step]] = []
+    found: list[list[list[Step]]] = []
     for goal in goals:
         fact, _ = parse_fact(goal.fact)
         steps = regress(fact, state, repertoire, objects, keep=reached)
-        found += [sorted((steps[i] for i in layer), key=mentioned) for layer in layers(steps)]
+        found.append([sorted((steps[i] for i in layer), key=mentioned) for layer in layers(steps)])
         state, reached = state.after(steps), reached | {fact}
     return found
 

@@ -119,12 +119,15 @@ def split_name(contract: SkillContract, name: str) -> tuple[str, str]:
     return (contract.roles[0] if contract.roles else ""), name
 
 
-def literal_role(contract: SkillContract, literal: str) -> str | None:
-    """The role whose label fills a literal: `object_name` is the first role's, `<role>_name` that role's."""
-    role = literal.removesuffix("_name")
+def literal_source(contract: SkillContract, literal: str) -> tuple[str, str] | None:
+    """Which role fills a literal, and with what: its `name`, or for goals that share its object the `nth`, `total`.
+
+    `object_name` is the first role's name; others are `<role>_name`, `<role>_nth` (counted from 0), `<role>_total`.
+    """
     if literal == "object_name" and contract.roles:
-        return contract.roles[0]
-    return role if role != literal and role in contract.roles else None
+        return contract.roles[0], "name"
+    role, _, what = literal.rpartition("_")
+    return (role, what) if role in contract.roles and what in ("name", "nth", "total") else None
 
 
 def _unusable(contract: SkillContract, tools: Mapping[str, ToolSpec]) -> str:
@@ -136,7 +139,7 @@ def _unusable(contract: SkillContract, tools: Mapping[str, ToolSpec]) -> str:
         return f"no plugin serves its tool {missing[0]}"
     if any(tools[t].privileged for t in contract.tools):
         return "it reads ground truth"
-    unknown = [n for n in contract.literals if literal_role(contract, n) is None]
+    unknown = [n for n in contract.literals if literal_source(contract, n) is None]
     if unknown:
         return f"nothing in an instruction fills its {unknown[0]}"
     named = [n for n in (*contract.inputs, *contract.outputs) if n.startswith(NAME_SLOT)]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from gap_cli.author.goals import Goal, refuse
 from gap_cli.author.grammar import parse_instruction
 from gap_cli.author.naming import Named, name_steps
 from gap_cli.author.plans import ABORT, DONE, Plan, PlanData, PlannedGoal, Segment
 from gap_cli.author.solve import solve
-from gap_cli.author.steps import Repertoire, Step, literal_role
+from gap_cli.author.steps import Repertoire, Step, literal_source
 from gap_cli.contracts.task import Task
 from gap_cli.contracts.tool import ToolSpec
 from gap_cli.graph.names import contract_names
@@ -23,11 +24,15 @@ def plan_symbolically(task: Task, instruction: str, library: SkillLibrary, tools
     """Plan the instruction. Raises `InstructionError` where the words, the scene or the skills do not suffice."""
     goals = parse_instruction(task, instruction)
     scene = choose_scene(task, goals)
-    layers = solve(goals, Repertoire.of(library, tools))
-    steps = [step for layer in layers for step in layer]
+    solved = solve(goals, Repertoire.of(library, tools))
+    steps = [step for layers in solved for layer in layers for step in layer]
+    counts = [(goals, nth) for nth, layers in enumerate(solved) for layer in layers for _ in layer]
     layer_of = range(len(steps))  # the validator wants one subgraph at a time at the top level
     named = name_steps(steps, library.contracts)
-    segments = [_segment(task, library, *given) for given in zip(steps, named, layer_of, strict=True)]
+    segments = [
+        _segment(task, library, step, names, layer, _literals(task, library, step, *count))
+        for step, names, layer, count in zip(steps, named, layer_of, counts, strict=True)
+    ]
     content = PlanData(
         task=task.name,
         variant=task.variant,
@@ -59,13 +64,27 @@ def choose_scene(task: Task, goals: Sequence[Goal]) -> str:
     raise refuse(task, f"{_listed(labels)} {'is' if len(labels) == 1 else 'are'} not {where} of task {task.name!r}.")
 
 
-def _segment(task: Task, library: SkillLibrary, step: Step, named: Named, layer: int) -> Segment:
+def _literals(task: Task, library: SkillLibrary, step: Step, goals: Sequence[Goal], nth: int) -> dict[str, Any]:
+    """The literals of a step that serves goal number `nth`."""
+    contract = library.contracts[step.skill]
+    found: dict[str, Any] = {}
+    for literal in contract.literals:
+        role, what = literal_source(contract, literal) or ("", "")
+        name = step.roles[role]
+        shared = [i for i, g in enumerate(goals) if name in (g.target, g.container)]
+        found[literal] = {
+            "name": task.objects[name].label,
+            "nth": sum(i < nth for i in shared),
+            "total": len(shared),
+        }[what]
+    return found
+
+
+def _segment(
+    task: Task, library: SkillLibrary, step: Step, named: Named, layer: int, literals: dict[str, Any]
+) -> Segment:
     contract = library.contracts[step.skill]
     inputs, outputs = contract_names(contract, named.names)
-    literals = {}
-    for literal in contract.literals:
-        role = literal_role(contract, literal)
-        literals[literal] = task.objects[step.roles[role or ""]].label
     return Segment(
         name=_clear_of_ends(named.segment),
         skill=step.skill,

@@ -13,6 +13,7 @@ from gap_cli.contracts.tool import ScriptContext
 from gap_cli.contracts.types import WORLD, OrientedBoundingBox, Quaternion, Se3Pose, Vec3, WorldConfig
 
 SPOTS = 5  # places tried along each side of the container
+CORNERS = ((1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0))  # in the container's axes
 SAME_HEIGHT = 0.02  # m: heights of the content closer than this are equal, so that noise does not move the drop
 
 
@@ -38,6 +39,8 @@ def run(
     target_obb: Annotated[OrientedBoundingBox, WORLD],
     ee_pose_at_grasp: Annotated[Se3Pose, WORLD],
     world: WorldConfig,
+    nth: int = 0,
+    total: int = 1,
     clearance: float = 0.04,
     rim_clearance: float = 0.012,
     rim_width: float = 0.028,
@@ -52,7 +55,7 @@ def run(
     for turned in orientations(container_obb, target_obb, ee_pose_at_grasp, held, inner):
         corners = turned.apply(held)
         hang = float(-corners[:, 2].min())
-        spot = choose_spot(container_obb, corners, inner, seen)
+        spot = choose_spot(container_obb, corners, inner, seen, corner(nth, total))
         drop = ctx.tool(
             "geometry_svc.ComputeDropPosition",
             container_obb=container_obb,
@@ -105,14 +108,25 @@ def orientations(
     return [r for r, s in zip(turned, slack, strict=True) if s >= 0]
 
 
-def choose_spot(container: OrientedBoundingBox, corners: np.ndarray, inner: np.ndarray, seen: np.ndarray) -> Spot:
-    """The spot with the lowest content below the object, the nearest to the middle among equals."""
+def corner(nth: int, total: int) -> np.ndarray:
+    """Which part of the container number `nth` of `total` objects should go to (2,): the middle, or by turns a corner.
+
+    Opposite corners first, so that two objects get as far apart as there is room.
+    """
+    return np.array(CORNERS[nth % len(CORNERS)] if total > 1 else (0.0, 0.0))
+
+
+def choose_spot(
+    container: OrientedBoundingBox, corners: np.ndarray, inner: np.ndarray, seen: np.ndarray, part: np.ndarray
+) -> Spot:
+    """The spot with the lowest content below the object; among equals the nearest to the wanted `part`."""
     half = footprint(container, corners).max(axis=0)
     floor = float(container.corners[:, 2].min())
     local = (seen - container.center.array) @ axes(container)
     content = local[(np.abs(local[:, :2]) < inner).all(axis=1)]
     heights = content @ axes(container)[2] + container.center.z
-    steps = [np.linspace(-s, s, SPOTS) for s in np.maximum(inner - half, 0)]
+    room = np.maximum(inner - half, 0)
+    steps = [np.linspace(-s, s, SPOTS) for s in room]
     spots: list[Spot] = []
     for x in steps[0]:
         for y in steps[1]:
@@ -120,7 +134,8 @@ def choose_spot(container: OrientedBoundingBox, corners: np.ndarray, inner: np.n
             below = heights[(np.abs(content[:, :2] - offset) <= half).all(axis=1)]
             spots.append(Spot(offset, max(floor, float(below.max())) if len(below) else floor))
     lowest = min(s.height for s in spots)
-    return min((s for s in spots if s.height <= lowest + SAME_HEIGHT), key=lambda s: float(np.linalg.norm(s.offset)))
+    level = [s for s in spots if s.height <= lowest + SAME_HEIGHT]
+    return min(level, key=lambda s: float(np.linalg.norm(s.offset - part * room)))
 
 
 def highest_between(points: np.ndarray, a: np.ndarray, b: np.ndarray, spec: RobotSpec, corners: np.ndarray) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import chain
+
 from gap_cli.author.goals import Goal
 from gap_cli.author.naming import name_steps
 from gap_cli.author.solve import solve
@@ -11,7 +13,8 @@ from tests.unit.author.contract_library import OBB, SPINE, library, tools
 
 
 def solved(lib, *goals):
-    return solve([Goal(*goal) for goal in goals], Repertoire.of(lib, tools()))
+    """The layers of all goals, one after the other."""
+    return list(chain.from_iterable(solve([Goal(*goal) for goal in goals], Repertoire.of(lib, tools()))))
 
 
 def steps_for(lib, *goals):

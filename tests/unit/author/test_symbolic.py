@@ -78,6 +78,13 @@ def test_two_goals_give_one_valid_graph(made):
     assert len(produced) == len(set(produced))
 
 
+def test_objects_for_one_container_are_counted(task):
+    sentence = "Put the milk in the basket, the ketchup in the tray and the bbq sauce in the basket"
+    plan = author.plan(task, sentence, LIBRARY, TOOLS)
+    counted = [tuple(s.literals.values()) for s in plan.content.segments if s.stage == "place"]
+    assert counted == [(0, 2), (0, 1), (1, 2)]
+
+
 def test_every_failure_leads_to_abort_with_a_recovery_that_lets_go_and_goes_home(made):
     workflow = made[1].workflow
     for name, definition in workflow.subgraphs.items():

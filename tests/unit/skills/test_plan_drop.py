@@ -88,6 +88,20 @@ def test_content_on_one_side_moves_the_drop_to_the_other(spec):
 
 
 @on_every_arm
+@pytest.mark.parametrize("total", [2, 3, 4])
+def test_objects_that_share_a_container_get_parts_of_it(spec, total):
+    obb, grasp = held((0.05, 0.05, 0.1))
+    middles = []
+    for nth in range(total):
+        plan = run(Stage(spec), BASKET, obb, grasp, EMPTY, nth, total)
+        at_the_end = carried(obb, grasp, plan.release_pose)
+        middles.append((at_the_end.max(axis=0) + at_the_end.min(axis=0))[:2] / 2)
+    apart = [np.linalg.norm(a - b) for i, a in enumerate(middles) for b in middles[:i]]
+    assert min(apart) >= 0.05 - 1e-9
+    assert apart[0] == pytest.approx(max(apart))
+
+
+@on_every_arm
 def test_over_a_full_container_the_object_stays_above_the_content(spec):
     obb, grasp = held((0.05, 0.05, 0.14), below=0.01)
     inside = box((0.1, 0.3, 0.075), (0.12, 0.12, 0.15), 0.3)
