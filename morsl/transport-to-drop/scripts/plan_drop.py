@@ -18,11 +18,12 @@ SAME_HEIGHT = 0.02  # m: heights of the content closer than this are equal, so t
 
 
 class DropPlan(NamedTuple):
-    """Poses T_world_tcp: straight above the grasp, over the container, and where to let go."""
+    """Poses T_world_tcp: straight above the grasp, over the container, where to let go, clear of the object again."""
 
     lift_pose: Annotated[Se3Pose, WORLD]
     carry_pose: Annotated[Se3Pose, WORLD]
     release_pose: Annotated[Se3Pose, WORLD]
+    rise_pose: Annotated[Se3Pose, WORLD]
 
 
 class Spot(NamedTuple):
@@ -72,7 +73,8 @@ def run(
         start = ee_pose_at_grasp
         lift = pose(start.position.array[:2], max(carry_z, start.position.z), start.rotation.rotation)
         if all(in_reach(ctx, p) for p in (lift, carry, release)):
-            return DropPlan(lift, carry, release)
+            between = max(0.0, float(corners[:, 2].max()) + low)  # how much of the object the fingertips reach past
+            return DropPlan(lift, carry, release, pose(xy, min(carry_z, release_z + between + clearance), turned))
     at = container_obb.center
     raise PlanningError("unreachable", f"No pose over the container at ({at.x:.2f}, {at.y:.2f}) m is in reach.")
 
