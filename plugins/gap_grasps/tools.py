@@ -19,7 +19,7 @@ from gap_cli.contracts.types import (
     Se3Pose,
     Vec3,
 )
-from gap_grasps.clearance import Hand
+from gap_grasps.clearance import Hand, above, clear_of
 from gap_grasps.generate import Grasps, generate, leaning, prepare
 from gap_grasps.scoring import score_poses
 from gap_grasps.support import SUPPORT_MARGIN, others, plane_around, support_below
@@ -79,11 +79,18 @@ def plan_from_point_cloud(
 def score_grasps(
     ctx: ToolContext, target_cloud: Annotated[PointCloud, WORLD], candidate_poses: list[Annotated[Se3Pose, WORLD]]
 ) -> Scores:
-    """Score given grasps with the measure the sampler ranks by, so that both can be compared."""
+    """Score given grasps with the measure the sampler ranks by, so that both can be compared.
+
+    0 where the hand would overlap with the target or its support.
+    """
     rng = np.random.default_rng([ctx.seed, len(target_cloud.points)])
-    surface = prepare(target_cloud.points, support_below(ctx, target_cloud.points), rng)
+    floor, hand = support_below(ctx, target_cloud.points), Hand.of(ctx.robot())
+    surface = prepare(target_cloud.points, floor, rng)
     T = np.array([p.matrix for p in candidate_poses]).reshape(-1, 4, 4)
-    scores = score_poses(surface, T, ctx.robot().gripper) * leaning(T, DOWN)
+    fits = np.ones(len(T), dtype=bool) if floor is None else above(floor, T, hand)
+    fits[fits] = clear_of(surface.points, T[fits], hand)
+    scores = np.zeros(len(T))
+    scores[fits] = score_poses(surface, T[fits], hand.gripper) * leaning(T[fits], DOWN)
     return Scores([float(s) for s in scores])
 
 

@@ -1,0 +1,126 @@
+"""The best grasp of both experts' union that the arm can reach, approach and lift from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from gap_cli.contracts.failures import GraspError, PlanningError
+from gap_cli.contracts.robot import RobotSpec
+from gap_cli.contracts.tool import ScriptContext
+from gap_cli.contracts.types import (
+    WORLD,
+    ArmState,
+    OrientedBoundingBox,
+    PointCloud,
+    Quaternion,
+    Se3Pose,
+    Vec3,
+    WorldConfig,
+)
+
+HALF_TURN = Quaternion(0.0, 0.0, 0.0, 1.0).rotation  # about the approach: the jaws exchanged
+STEEP = 0.3  # least share of the approach that must point down for it to be prolonged upwards
+
+
+class Choice(NamedTuple):
+    """Where the straight approach begins, where the jaws close (both T_world_tcp), and the grasp's score."""
+
+    hover_pose: Annotated[Se3Pose, WORLD]
+    grasp_pose: Annotated[Se3Pose, WORLD]
+    score: float
+
+
+def run(
+    ctx: ScriptContext,
+    world: WorldConfig,
+    surroundings: Annotated[PointCloud, WORLD],
+    arm: ArmState,
+    target_obb: Annotated[OrientedBoundingBox, WORLD],
+    sampled: list[Annotated[Se3Pose, WORLD]],
+    sampled_scores: list[float],
+    swept: list[Annotated[Se3Pose, WORLD]],
+    swept_scores: list[float],
+    top_k: int = 20,
+    min_score: float = 0.05,
+    approach_offset: float = 0.10,
+    pass_over: float = 0.03,
+    lift_height: float = 0.15,
+) -> Choice:
+    """Choose. Raises `GraspError` (`no_grasp`), `PlanningError` (`blocked` when none is in reach without collision)."""
+    pool = [*best(sampled, sampled_scores, top_k, min_score), *best(swept, swept_scores, top_k, min_score)]
+    pool.sort(key=lambda item: -item[1])
+    if not pool:
+        raise GraspError(
+            "no_grasp",
+            f"Neither expert found a grasp worth {min_score:g}: {len(sampled)} sampled, {len(swept)} swept.",
+            detail={"best": max([*sampled_scores, *swept_scores], default=0.0)},
+        )
+    pairs = [(turned, score) for pose, score in pool for turned in (pose, exchanged(pose))]
+    found = ctx.tool(
+        "curobo.BatchGraspFeasibility",
+        world_config=world,
+        start_state=arm.joints,
+        grasp_poses=[pose for pose, _ in pairs],
+        approach_offset_m=approach_offset,
+        ignore_obstacle_names=["target"],
+    )
+    over = hover_height(ctx.robot(), arm.ee_pose, target_obb, surroundings.points, pass_over)
+    for (pose, score), feasible in zip(pairs, found.feasible, strict=True):
+        for hover in hovers(pose, over, approach_offset) if feasible else ():
+            if straight(ctx, hover, pose) and straight(ctx, pose, raised(pose, lift_height)):
+                return Choice(hover, pose, score)
+    reached = sum(found.grasp_ik_ok)
+    raise PlanningError(
+        "blocked",
+        f"Of {len(pairs)} grasps {reached} are in reach and {sum(found.feasible)} of them free of collision, "
+        "but none can be approached and lifted straight.",
+        detail={"grasps": len(pairs), "in_reach": reached, "feasible": sum(found.feasible)},
+    )
+
+
+def best(poses: list[Se3Pose], scores: list[float], top_k: int, least: float) -> list[tuple[Se3Pose, float]]:
+    """The `top_k` best scored, none below `least`; earlier ones first among equals."""
+    order = sorted(range(len(poses)), key=lambda i: -scores[i])[:top_k]
+    return [(poses[i], scores[i]) for i in order if scores[i] >= least and scores[i] > 0]
+
+
+def straight(ctx: ScriptContext, start: Se3Pose, end: Se3Pose) -> bool:
+    """Can the arm take the straight line?"""
+    try:
+        return bool(ctx.tool("pyroki.PlanLinear", start_pose=start, end_pose=end).success)
+    except PlanningError:
+        return False
+
+
+def hovers(pose: Se3Pose, over: float, least: float) -> Iterator[Se3Pose]:
+    """Where to begin the approach: above everything in the way, else as near as it may be."""
+    approach = pose.rotation.rotation.as_matrix()[:, 2]
+    down = max(-float(approach[2]), STEEP)
+    for length in sorted({max(least, (over - pose.position.z) / down), least}, reverse=True):
+        yield Se3Pose(Vec3.of(pose.position.array - length * approach), pose.rotation)
+
+
+def hover_height(
+    spec: RobotSpec, start: Se3Pose, obb: OrientedBoundingBox, points: np.ndarray, pass_over: float
+) -> float:
+    """TCP height [m] from which everything between the hand and the target is passed over, at most the hand's own."""
+    a, b = start.position.array[:2], obb.center.array[:2]
+    way = b - a
+    t = np.clip((points[:, :2] - a) @ way / max(float(way @ way), 1e-9), 0, 1)
+    aside = np.linalg.norm(points[:, :2] - (a + t[:, None] * way), axis=1)
+    beside = points[aside < spec.gripper.max_width / 2 + 2 * max(spec.gripper.finger_size), 2]
+    top = max([obb.center.z + obb.extent.z, *beside.tolist()])
+    return min(top + spec.gripper.finger_size[2] + pass_over, start.position.z)
+
+
+def raised(pose: Se3Pose, height: float) -> Se3Pose:
+    """The pose straight above [m]."""
+    return Se3Pose(Vec3(pose.position.x, pose.position.y, pose.position.z + height), pose.rotation)
+
+
+def exchanged(pose: Se3Pose) -> Se3Pose:
+    """The same grasp with the jaws exchanged."""
+    return Se3Pose(pose.position, Quaternion.of(pose.rotation.rotation * HALF_TURN))
