@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import lru_cache
 from typing import Any
 
@@ -12,6 +12,7 @@ from gap_cli.contracts.codec import from_plain
 from gap_cli.contracts.failures import BadRequestError, did_you_mean
 from gap_cli.contracts.skill import Parameter
 from gap_cli.contracts.typeref import TypeRef
+from gap_cli.contracts.types import CONTRACT_TYPES
 from gap_cli.graph.catalog import Callee
 from gap_cli.graph.refs import KEY
 
@@ -110,12 +111,16 @@ def has_ref(value: Any) -> bool:
 
 @dataclass(frozen=True)
 class Place:
-    """One piece of data in an input: where it is, what must be there, and the data: a reference or a literal."""
+    """One piece of data in an input: where it is, what must be there, and the data: a reference or a literal.
+
+    `problem` says what is wrong with a mapping or list around it, which then has no value of its own.
+    """
 
     path: str
     type: TypeRef
     value: Any
     unit: str = ""
+    problem: str = ""
 
 
 def places(value: Any, type_: TypeRef, path: str, unit: str = "") -> Iterator[Place]:
@@ -125,15 +130,25 @@ def places(value: Any, type_: TypeRef, path: str, unit: str = "") -> Iterator[Pl
     elif isinstance(value, list):
         item = replace(type_, is_list=False, optional=False) if type_.is_list else ANY
         if not type_.is_list and type_.name != "any":
-            yield Place(path, type_, value)  # a literal of the wrong shape, whatever is in it
+            yield Place(path, type_, value, problem="is a list")
         for i, part in enumerate(value):
             yield from places(part, item, f"{path}.{i}")
     else:
         known = {} if type_.is_list else field_types(type_)
-        if not known and type_.name != "any":
-            yield Place(path, type_, value)
+        if type_.name != "any":
+            yield from (Place(path, type_, value, problem=p) for p in _misfits(value, type_, known))
         for name, part in value.items():
             yield from places(part, known.get(name, ANY), f"{path}.{name}", unit_of(name))
+
+
+def _misfits(value: Mapping[str, Any], type_: TypeRef, known: Mapping[str, TypeRef]) -> Iterator[str]:
+    """What keeps a mapping with references inside from being one of a contract type."""
+    if not known:
+        yield "is a mapping"
+        return
+    yield from (f"has no field {name!r}" for name in value if name not in known)
+    needed = (f.name for f in fields(CONTRACT_TYPES[type_.name]) if f.default is MISSING)
+    yield from (f"field {name!r} is missing" for name in needed if name not in value)
 
 
 def literal_problem(value: Any, type_: TypeRef) -> tuple[str, str] | None:

@@ -68,6 +68,9 @@ def d_outputs(scope: Scope) -> Iterator[Finding]:
 
 def _place(scope: Scope, node: str | None, place: Place) -> Iterator[Finding]:
     """One reference or literal; `node` is who reads it, None for the subgraph's outputs."""
+    if place.problem:
+        yield scope.find("D6", place.path, f"does not fit {place.type}: {place.problem}")
+        return
     if not is_ref(place.value):
         problem = literal_problem(place.value, place.type) if place.type.name != "any" else None
         if problem is not None:

@@ -95,6 +95,7 @@ SOURCES = {
 
         def run(ctx, opening: float) -> Held: ...
     """,
+    "masked": "from gap_cli.contracts.types import Mask\ndef run(ctx, mask: Mask) -> None: ...",
     "give_up": "def run(ctx) -> None: ...",
     "think": "def run(ctx) -> float: ...",
     "turn": "def run(ctx, yaw_deg: float) -> None: ...",
