@@ -15,8 +15,9 @@ from gap_cli.contracts.types import ArmState, Array
 from gap_perception.frames import Scene
 from gap_perception.scene.blobs import Voxels, voxelise
 from gap_perception.scene.colours import colour_words, perceptual
-from gap_perception.scene.explain import Instance, Measured, explain
+from gap_perception.scene.explain import Instance, explain
 from gap_perception.scene.library import Appearance, build_library
+from gap_perception.scene.measured import EXACT, Measured, reach_of
 from gap_perception.scene.points import CameraPoints, lift
 from gap_perception.scene.selfmask import on_robot, robot_model, solids_of
 from gap_perception.scene.visibility import depth_view
@@ -105,7 +106,8 @@ def _analyse(ctx: ToolContext, scene: Scene) -> Analysis:
     measured = _measure(lifted, voxels)
     ctx.raise_if_cancelled()
     kept = np.flatnonzero(keep)
-    found = explain(library, measured.select(kept), [depth_view(camera) for camera in cameras])
+    blur = measured.reach - EXACT
+    found = explain(library, measured.select(kept), [depth_view(p.camera, blur) for p in lifted])
     label_of = np.full(len(voxels.centers), -1, dtype=np.int16)
     for index, instance in enumerate(found):
         label_of[kept[instance.voxels]] = index
@@ -128,7 +130,8 @@ def _measure(lifted: Sequence[CameraPoints], voxels: Voxels) -> Measured:
     def mean(values: Array) -> Array:
         return np.bincount(voxels.of_point, weights=values, minlength=len(voxels.counts)) / voxels.counts
 
-    return Measured(voxels.centers, np.column_stack([mean(colours[:, i]) for i in range(3)]), mean(support))
+    reach = max(reach_of(p.noise, p.tilt) for p in lifted)
+    return Measured(voxels.centers, np.column_stack([mean(colours[:, i]) for i in range(3)]), mean(support), reach)
 
 
 def _label_images(lifted: Sequence[CameraPoints], labels: Array) -> tuple[Array, ...]:

@@ -10,7 +10,8 @@ import numpy as np
 from gap_cli.contracts.types import Array
 from gap_perception.scene.blobs import Links
 from gap_perception.scene.library import Appearance
-from gap_perception.scene.match import ON_SURFACE, Match, judge
+from gap_perception.scene.match import Match, judge
+from gap_perception.scene.measured import Measured
 from gap_perception.scene.propose import LYING, RAISED, STANDING, UPRIGHT, Stance, propose, sample
 from gap_perception.scene.split import split
 from gap_perception.scene.visibility import DepthView
@@ -21,20 +22,6 @@ WHOLE = 80  # voxels from which a group shows enough to be sure of
 GOOD = -3.0  # log-likelihood from which a match is taken without looking further
 UNKNOWN = -4.5  # log-likelihood of anything the task has no model of
 PLAUSIBLE = 0.6  # share of points a model must explain to be considered at all
-
-
-@dataclass(frozen=True)
-class Measured:
-    """All cameras' points above the supports on a grid: `points` (M, 3) [m], CIELAB `colours` (M, 3), height of the
-    `support` below each (M,) [m]."""
-
-    points: Array
-    colours: Array
-    support: Array
-
-    def select(self, index: Array) -> Measured:
-        """The points at `index`."""
-        return Measured(self.points[index], self.colours[index], self.support[index])
 
 
 @dataclass(frozen=True)
@@ -83,8 +70,8 @@ def identify(
     """Every plausible match for one group of points, best first."""
     chosen = sample(part.points)
     fits = propose(library, part.points, float(np.median(part.support)), stance)
-    fits = [f for f in fits if (f.distance < ON_SURFACE).mean() >= PLAUSIBLE]
-    matches = [judge(f, part.points[chosen], part.colours[chosen], views) for f in fits]
+    fits = [f for f in fits if (f.distance < part.reach).mean() >= PLAUSIBLE]
+    matches = [judge(f, part.select(chosen), views) for f in fits]
     return sorted(matches, key=lambda m: (-m.log_likelihood, m.fit.appearance.name))
 
 
@@ -166,7 +153,7 @@ def _quality(instance: Instance) -> float:
 def _claim(scene: Measured, instance: Instance, free: Array) -> Array:
     """The free points an instance stands for: all on its surface, and its own group where it explains most of it."""
     assert instance.match is not None
-    near = free[instance.match.fit.surface_distance(scene.points[free]) < ON_SURFACE]
+    near = free[instance.match.fit.surface_distance(scene.points[free]) < scene.reach]
     own = np.intersect1d(instance.voxels, free, assume_unique=True)
     if instance.match.explained > 0.9:
         near = np.union1d(near, own)

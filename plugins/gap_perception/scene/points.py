@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gap_cli.contracts.failures import BadRequestError
 from gap_cli.contracts.task import Environment
 from gap_cli.contracts.types import Array, CameraObservation
+from gap_perception.scene.level import find_level
 
 NEAR_PLANE = 0.02  # m: pixels this close to a support tell how noisy the depth is
 MARGIN = (0.0015, 0.012)  # m: bounds of the height below which a pixel is taken for the support itself
 NOISE_SIGMAS = 4.0
+LEVEL = 0.0003  # m: supports that appear off by less need no levelling
 OVERHANG = 0.10  # m: an object may stick out of the workspace that its origin must lie in
 
 
@@ -21,7 +23,8 @@ class CameraPoints:
     """The pixels of one camera that lie above a support.
 
     `rows`, `columns` (N,); `xyz` (N, 3) in the world [m]; `support` (N,) height of the support below each [m];
-    `noise` standard deviation of the depth along the vertical, from the supports [m].
+    `noise` standard deviation of the depth along the vertical, and `tilt` by how much the supports appeared off their
+    known heights before the camera was levelled [m].
     """
 
     camera: CameraObservation
@@ -30,6 +33,7 @@ class CameraPoints:
     xyz: Array
     support: Array
     noise: float
+    tilt: float = 0.0
 
     @property
     def height(self) -> Array:
@@ -38,14 +42,14 @@ class CameraPoints:
 
     def select(self, keep: Array) -> CameraPoints:
         """Only the points where `keep` (N,) holds."""
-        return CameraPoints(
-            self.camera, self.rows[keep], self.columns[keep], self.xyz[keep], self.support[keep], self.noise
-        )
+        kept = {f: getattr(self, f)[keep] for f in ("rows", "columns", "xyz", "support")}
+        return replace(self, **kept)
 
 
 def lift(camera: CameraObservation, environment: Environment) -> CameraPoints:
     """The camera's points above the supports, within the workspace; none where there is no depth.
 
+    A camera that sees a support tilted or off its known height is levelled first.
     Raises `BadRequestError` when colour and depth differ in size or the intrinsics are no camera's.
     """
     _check(camera)
@@ -54,15 +58,19 @@ def lift(camera: CameraObservation, environment: Environment) -> CameraPoints:
     z = np.where(known, depth, np.float32(0))
     x_w, y_w, z_w = _world(z, camera)
     ground = _ground(x_w, y_w, z_w, environment)
+    level = find_level(x_w, y_w, z_w - ground, known)
+    if level.tilt > LEVEL:
+        camera = level.applied(camera)
+        x_w, y_w, z_w = _world(z, camera)
+        ground = _ground(x_w, y_w, z_w, environment)
     height = z_w - ground
     noise = _noise(height[known & (np.abs(height) < NEAR_PLANE)])
-    margin = float(np.clip(NOISE_SIGMAS * noise, *MARGIN))
-    above = known & (height > margin)
+    above = known & (height > float(np.clip(NOISE_SIGMAS * noise, *MARGIN)))
     for value, low, high in zip((x_w, y_w, z_w), *environment.workspace, strict=True):
         above &= (value >= low - OVERHANG) & (value <= high + OVERHANG)
     rows, columns = np.nonzero(above)
     xyz = np.column_stack([v[above] for v in (x_w, y_w, z_w)]).astype(np.float64)
-    return CameraPoints(camera, rows, columns, xyz, ground[above].astype(np.float64), noise)
+    return CameraPoints(camera, rows, columns, xyz, ground[above].astype(np.float64), noise, level.tilt)
 
 
 def project(points: Array, camera: CameraObservation) -> tuple[Array, Array, Array]:

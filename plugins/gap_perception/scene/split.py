@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -11,12 +10,10 @@ from gap_cli.contracts.types import Array
 from gap_perception.scene.colours import hue_histogram, overlap
 from gap_perception.scene.fit import Fit, fits, resting_size, rests
 from gap_perception.scene.library import Appearance
-from gap_perception.scene.match import ON_SURFACE, Match, judge
+from gap_perception.scene.match import Match, judge
+from gap_perception.scene.measured import Measured
 from gap_perception.scene.propose import TOP_SLACK, rectangle, sample
 from gap_perception.scene.visibility import DepthView
-
-if TYPE_CHECKING:
-    from gap_perception.scene.explain import Measured
 
 LOOKED_AT = 400  # points of the group that candidates are compared on
 FITTED = 160  # of these, points that candidates are fitted to
@@ -37,59 +34,55 @@ def split(
     """Models that together explain the group: for each the indices of the points on it, and the match."""
     if len(part.points) < ENOUGH:
         return []
-    chosen = sample(part.points, LOOKED_AT)
-    points, colours = part.points[chosen], part.colours[chosen]
-    pool = _pool(library, points, colours, float(np.median(part.support)), tipped)
+    seen = part.select(sample(part.points, LOOKED_AT))
+    pool = _pool(library, seen, tipped)
     if not pool:
         return []
-    near = np.array([f.surface_distance(points) < ON_SURFACE for f in pool])
-    scale = len(part.points) / len(points)
-    rest, left = np.arange(len(part.points)), np.ones(len(points), dtype=bool)
+    near = np.array([f.surface_distance(seen.points) < part.reach for f in pool])
+    scale = len(part.points) / len(seen.points)
+    rest, left = np.arange(len(part.points)), np.ones(len(seen.points), dtype=bool)
     found: list[tuple[Array, Match]] = []
     while len(rest) >= ENOUGH and len(found) < MOST_PARTS:
-        match = _next(pool, near & left, scale, points, colours, views)
+        match = _next(pool, near & left, scale, seen, views)
         if match is None:
             break
-        taken = match.fit.surface_distance(part.points[rest]) < ON_SURFACE
-        left &= ~(match.fit.surface_distance(points) < ON_SURFACE)
+        taken = match.fit.surface_distance(part.points[rest]) < part.reach
+        left &= ~(match.fit.surface_distance(seen.points) < part.reach)
         found.append((rest[taken], match))
         rest = rest[~taken]
     return found
 
 
-def _next(
-    pool: Sequence[Fit], near: Array, scale: float, points: Array, colours: Array, views: Sequence[DepthView]
-) -> Match | None:
+def _next(pool: Sequence[Fit], near: Array, scale: float, seen: Measured, views: Sequence[DepthView]) -> Match | None:
     """The believable candidate that explains most of the points still unexplained."""
     counts = near.sum(axis=1)
     for index in np.argsort(-counts, kind="stable"):
         if counts[index] * scale < ENOUGH:
             return None
-        mine = points[near[index]], colours[near[index]]
-        match = judge(pool[index], *mine, views, near=np.ones(len(mine[0]), dtype=bool))
+        mine = seen.select(near[index])
+        match = judge(pool[index], mine, views, near=np.ones(len(mine.points), dtype=bool))
         if match.log_likelihood > WORTH:
             return match
     return None
 
 
-def _pool(library: Mapping[str, Appearance], points: Array, colours: Array, support: float, tipped: bool) -> list[Fit]:
+def _pool(library: Mapping[str, Appearance], seen: Measured, tipped: bool) -> list[Fit]:
     """Fits of every model whose hues occur in the group, at every place it locks onto; no two alike."""
-    hues = hue_histogram(colours)
-    fitted = points[sample(points, FITTED)]
+    hues = hue_histogram(seen.colours)
+    fitted, support = seen.points[sample(seen.points, FITTED)], float(np.median(seen.support))
     pool: list[Fit] = []
     for name in sorted(library):
         surface = library[name]
         if overlap(hues, hue_histogram(surface.colours)) >= SAME_HUES:
-            pool += _distinct(
-                f for f in _fits(surface, fitted, support, tipped) if (f.distance < ON_SURFACE).sum() >= 5
-            )
+            counted = [(int((f.distance < seen.reach).sum()), f) for f in _fits(surface, fitted, support, tipped)]
+            pool += _distinct([f for n, f in sorted(counted, key=lambda c: -c[0]) if n >= FEWEST])
     return pool
 
 
-def _distinct(candidates: Iterator[Fit]) -> list[Fit]:
-    """The best candidates, none within `APART` of a better one that rests the same way."""
+def _distinct(candidates: Sequence[Fit]) -> list[Fit]:
+    """The candidates, best first, none within `APART` of a better one that rests the same way."""
     kept: list[Fit] = []
-    for candidate in sorted(candidates, key=lambda f: -int((f.distance < ON_SURFACE).sum())):
+    for candidate in candidates:
         if all(k.rest != candidate.rest or np.linalg.norm(k.position - candidate.position) > APART for k in kept):
             kept.append(candidate)
     return kept

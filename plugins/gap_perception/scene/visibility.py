@@ -15,14 +15,19 @@ from gap_perception.scene.points import project
 SAMPLES = 300
 FACING = 0.2  # cosine below which a surface is seen too flatly to judge
 AGREE = 0.008  # m
+BLUR_PER_PIXEL = 0.003  # m: about what a pixel sees at a metre
 
 
 @dataclass(frozen=True)
 class DepthView:
-    """A camera with, for every pixel, the nearest depth in its 3x3 neighbourhood, 0 where unknown."""
+    """A camera with, for every pixel, the nearest depth in a small neighbourhood, 0 where unknown.
+
+    Depths within `agree` [m] of each other are the same.
+    """
 
     camera: CameraObservation
     nearest: Array
+    agree: float = AGREE
 
 
 class Agreement(NamedTuple):
@@ -45,15 +50,16 @@ class Agreement(NamedTuple):
         return (self.seen + self.through) / total if total else 0.0
 
 
-def depth_view(camera: CameraObservation) -> DepthView:
-    """Prepare a camera for `agreement`."""
+def depth_view(camera: CameraObservation, blur: float = 0.0) -> DepthView:
+    """Prepare a camera for `agreement`; `blur` [m] is how unsure its depths are."""
     import cv2
 
     depth = np.nan_to_num(camera.depth.data, nan=0.0, posinf=0.0, neginf=0.0)
     # A pixel without depth says nothing: it must not look near.
     far = np.where(depth > 0, depth, np.float32(1e3))
-    nearest = cv2.erode(far, np.ones((3, 3), np.uint8))
-    return DepthView(camera, np.where(depth > 0, nearest, np.float32(0)))
+    side = 3 + 2 * round(blur / BLUR_PER_PIXEL)
+    nearest = cv2.erode(far, np.ones((side, side), np.uint8))
+    return DepthView(camera, np.where(depth > 0, nearest, np.float32(0)), AGREE + blur)
 
 
 def agreement(fit: Fit, views: Sequence[DepthView]) -> Agreement:
@@ -73,7 +79,7 @@ def agreement(fit: Fit, views: Sequence[DepthView]) -> Agreement:
         measured = view.nearest[rows[inside], columns[inside]]
         gap = measured - depth[inside]
         known = measured > 0
-        seen += int((known & (np.abs(gap) <= AGREE)).sum())
-        through += int((known & (gap > AGREE)).sum())
-        hidden += int((known & (gap < -AGREE)).sum()) + int((~known).sum()) + int((~inside).sum())
+        seen += int((known & (np.abs(gap) <= view.agree)).sum())
+        through += int((known & (gap > view.agree)).sum())
+        hidden += int((known & (gap < -view.agree)).sum()) + int((~known).sum()) + int((~inside).sum())
     return Agreement(seen, through, hidden)
