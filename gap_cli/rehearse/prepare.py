@@ -118,6 +118,7 @@ def describe(prepared: Prepared, lock: Path) -> dict[str, Any]:
         "goals": [dict(goal) for goal in prepared.goals], "workflow": digest(prepared.file), "lock": digest(lock),
         "providers": {name: f"{tools[name].provider} ({tools[name].plugin})" for name in used},
         "privileged_tools": [name for name in used if tools[name].spec.privileged],
+        "jailed_nodes": sorted(graph.jailed),
         "subgraphs": subgraphs,
     }  # fmt: skip
 

@@ -62,6 +62,9 @@ def rehearse(
     prepared = prepare(run, require_valid(run))
     lock = run.path / "lock.json"
     write_json(lock, prepared.inventory.lock())
+    if prepared.graph.jailed:
+        nodes = ", ".join(prepared.graph.jailed)
+        say(f"These scripts are not those of the installed skills, so they run in the jail: {nodes}.")
     first = run.asked.seed if seed is None else seed
     output = run.folder(FOLDER)
     _clear(output)

@@ -1,4 +1,6 @@
 import json
+import subprocess
+import sys
 
 import pytest
 
@@ -73,3 +75,20 @@ def test_a_refused_graph_exits_1_and_lists_the_findings(gap, make_run):
     assert any("cell.Actt" in f["message"] for f in found["findings"])
     assert json.loads((run.path / "validate/findings.json").read_text())["findings"] == found["findings"]
     assert gap("rehearse", "-n", 1).code == 1
+
+
+HEAVY = ("mujoco", "torch", "cv2", "sklearn", "dm_control", "ompl")
+
+
+@pytest.mark.parametrize("arguments", [("validate",), ("rehearse", "-n", "1", "--record", "none"), ("tasks", "little")])
+def test_only_workers_load_the_simulator(make_run, arguments):
+    run = make_run()
+    code = (
+        "import sys, contextlib, io\n"
+        f"sys.argv = ['gap', *{arguments!r}, *({[str(run.path)]!r} if {arguments[0]!r} != 'tasks' else [])]\n"
+        "from gap_cli.main import main\n"
+        "with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit): main()\n"
+        f"print(*[m for m in {HEAVY!r} if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.strip() == ""
