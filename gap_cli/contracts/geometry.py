@@ -95,6 +95,14 @@ class Se3Pose(Value):
         T[:3, 3] = self.position.array
         return T
 
+    def moved(self, offset: ArrayLike) -> Se3Pose:
+        """The pose moved by `offset` (3,) [m] along the body's own axes."""
+        return Se3Pose(Vec3.of(self.position.array + self.rotation.rotation.apply(offset)), self.rotation)
+
+    def turned(self, by: Rotation) -> Se3Pose:
+        """The pose turned about the body's own axes."""
+        return Se3Pose(self.position, Quaternion.of(self.rotation.rotation * by))
+
 
 @dataclass(frozen=True, eq=False)
 class OrientedBoundingBox(Value):
@@ -109,6 +117,10 @@ class OrientedBoundingBox(Value):
         """The eight corners in the box's frame of reference, shape (8, 3) [m]."""
         signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], dtype=float)
         return np.asarray(self.orientation.rotation.apply(signs * self.extent.array) + self.center.array)
+
+    def extent_along(self, direction: ArrayLike) -> float:
+        """Full extent along a unit vector (3,) given in the box's frame of reference [m]."""
+        return float(2 * np.abs(self.orientation.rotation.inv().apply(direction)) @ self.extent.array)
 
 
 @dataclass(frozen=True, eq=False)
