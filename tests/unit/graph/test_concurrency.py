@@ -22,6 +22,7 @@ from gap_cli.contracts.tool import ToolContext, tool
 from gap_cli.contracts.types import Observation, Trajectory
 from gap_cli.errors import ExecutionError
 from gap_cli.graph.execute import RunSetup, run_graph
+from gap_cli.graph.model import Workflow
 from gap_cli.graph.pool import Pool
 from gap_cli.graph.safety import stop_arms
 from gap_cli.testing import FakeWorld, compile_fake, fake_workflow, run_fake
@@ -211,8 +212,9 @@ def test_c5_the_arm_is_stopped_before_the_next_node_commands_it():
         {"a": node("Move", 0.1, duration=50.0)}, [("START", "a"), ("a", "done")], recovery=[{"tool": "fake.Move"}]
     )
     world._pace = 1.0
-    run_fake(w, world=world, recovery_budget_s=5, **SOON)
+    result = run_fake(w, world=world, recovery_budget_s=5, **SOON)
     assert log[0] == "execute" and "stop" in log[1 : log.index("execute", 1)]
+    assert result.causes[0].code == "deadline" and isinstance(result.causes[0].__cause__, MotionError)
 
 
 # C6
@@ -225,6 +227,20 @@ def test_c6_a_failing_branch_cancels_its_siblings_and_stops_the_arm():
     cancelled = {e.path for e in seen if e.kind == "node_cancelled"}
     assert cancelled == {"main/a", "main/c", "main/d"}
     assert world.arms[0].stops and world.arms[0].commands == []
+
+
+def test_c6_a_branch_that_has_not_begun_when_another_fails_never_does():
+    began = []
+
+    @tool("fake.Begin")
+    def begin(n: int) -> None:
+        """Notes that it began."""
+        began.append(n)
+
+    nodes = {f"n{i}": {"type": "tool", "tool": "fake.Begin", "inputs": {"n": i}} for i in range(5)}
+    no_threads = Pool(max_threads=0)  # one after the other, on the graph's own
+    assert run_fake(fan(a=node("Fail"), **nodes), begin, pool=no_threads).failed_node == "main/a"
+    assert began == []
 
 
 def test_c6_the_exception_of_every_branch_is_kept():
@@ -316,7 +332,7 @@ def test_c7_a_call_over_a_pipe_that_never_answers_is_left_behind():
 
 
 def test_c8_the_late_result_of_an_abandoned_attempt_changes_nothing():
-    release, returned = threading.Event(), threading.Event()
+    release, returned, refused = threading.Event(), threading.Event(), []
 
     @tool("fake.Late", effect="actuate", resources=("arm:0",))
     def late(ctx: ToolContext) -> int:
@@ -324,7 +340,8 @@ def test_c8_the_late_result_of_an_abandoned_attempt_changes_nothing():
         release.wait(30)
         try:
             ctx.world.arms[0].execute(Trajectory(np.array([0.0, 0.1]), np.zeros((2, 2))))
-        except (CancelledError, ToolError):
+        except ToolError as error:
+            refused.append(error.code)
             returned.set()
             raise
         return 99
@@ -333,9 +350,45 @@ def test_c8_the_late_result_of_an_abandoned_attempt_changes_nothing():
     w = chain(a={"type": "tool", "tool": "fake.Late", "deadline_s": 0.05}, b=node("Nothing"))
     result, seen = watched(w, late, world=world, **SOON)
     release.set()
-    assert returned.wait(5)
+    assert returned.wait(5) and refused == ["deadline"]
     assert result.status == "failure" and world.arms[0].commands == []
     assert finished(seen) == [] and [e.seq for e in seen] == list(range(len(seen)))
+
+
+def test_c8_a_thread_that_comes_back_while_the_graph_goes_on_without_it_touches_nothing():
+    release, back = threading.Event(), threading.Event()
+    runs = []
+
+    @tool("fake.Late")
+    def late() -> int:
+        """Comes back when the next subgraph is under way."""
+        release.wait(30)
+        back.set()
+        return 99
+
+    @tool("fake.Next")
+    def following(n: int) -> int:
+        """Lets the late one come back, and gives it time to do harm."""
+        runs.append(n)
+        release.set()
+        back.wait(5)
+        time.sleep(0.05)
+        return n
+
+    stuck = {"type": "tool", "tool": "fake.Late", "deadline_s": 0.05}
+    after = {f"m{i}": {"type": "tool", "tool": "fake.Next", "inputs": {"n": i}} for i in range(3)}
+    data = chain(a=stuck, b=node("Nothing")).model_dump()
+    data["subgraphs"]["main_sg"]["outputs"] = {"value": {"$ref": "a"}}
+    data["subgraphs"]["next_sg"] = chain(**after).model_dump()["subgraphs"]["main_sg"]
+    data["nodes"]["next"] = {"type": "subgraph", "ref": "next_sg"}
+    routes = {"done": "success", "failed": "next"}, {"done": "success", "failed": "abort"}
+    data["conditional_edges"] = {
+        n: {"router_field": "exit", "mapping": m} for n, m in zip(("main", "next"), routes, strict=True)
+    }
+    result, seen = watched(Workflow.load(data, "two"), late, following, **SOON)
+    assert result.status == "success" and result.exits == [("main", "failed"), ("next", "done")]
+    assert runs == [0, 1, 2] and finished(seen) == ["m0", "m1", "m2", "done"]
+    assert [e.seq for e in seen] == list(range(len(seen)))
 
 
 # C9
@@ -545,6 +598,18 @@ def test_c14_an_arm_whose_stop_raises_does_not_keep_the_other_from_stopping():
     )
     assert result.status == "error" and "by hand" in str(result.causes[-1])
     assert world.arms[1].stops == 2 and world.arms[0].commands == []
+
+
+def test_c14_an_arm_that_cannot_be_stopped_is_not_recovered_when_time_is_up_either():
+    world = FakeWorld()
+    world.arms[0].stop_problem = RuntimeError("driver is gone")
+    w = fake_workflow(
+        {"a": node("Move"), "b": node("Nothing")}, [("START", "a"), ("a", "b"), ("b", "done")],
+        recovery=[{"tool": "fake.Move"}],
+    )  # fmt: skip
+    result = run_fake(w, world=world, world_budget_s=0.5)
+    assert result.status == "error" and "by hand" in str(result.causes[-1])
+    assert world.arms[0].commands == ["execute"]
 
 
 # C16

@@ -113,6 +113,25 @@ def test_the_guard_bites_in_a_thread_of_the_tools_own():
     assert isinstance(result.causes[0], PrivilegedReadError)
 
 
+def test_the_worlds_own_guard_bites_where_a_tool_holds_the_world_itself():
+    world = FakeWorld()
+
+    @tool("fake.Smuggle")
+    def smuggle() -> None:
+        """Has the world from elsewhere."""
+        world.snapshot()
+
+    result = run_fake(fake_workflow({"a": "fake.Smuggle"}, [("START", "a"), ("a", "done")]), smuggle, world=world)
+    assert isinstance(result.causes[0], PrivilegedReadError) and "main/a" in str(result.causes[0])
+
+
+def test_a_script_that_hides_what_it_calls_cannot_move_the_robot(run_script):
+    world = FakeWorld()
+    source = "def run(ctx) -> None:\n    getattr(ctx, 'to' + 'ol')('fake.Move')\n"
+    result, _, _ = run_script(source, setup={"world": world})
+    assert result.causes[0].code == "lease" and "Write the name out" in result.error and world.arms[0].commands == []
+
+
 def test_an_observer_may_look_where_a_node_may_not():
     world, times = FakeWorld(), []
     w = fake_workflow({"a": "fake.Move"}, [("START", "a"), ("a", "done")])

@@ -277,6 +277,20 @@ def test_a_subgraph_loop_counts_visits_and_ends_with_its_budget():
     assert result.status == "error" and result.visits["first"] == 3 and "more than 3 times" in result.error
 
 
+def test_a_second_pass_does_not_read_what_only_the_first_one_produced():
+    nodes = {"n": tool("Count"), "second": tool("Add", a=ref("n"), b=-1.5), "made": tool("Echo", value=1.0)}
+    first = {
+        "nodes": {**nodes, "done": {"type": "noop"}},
+        "edges": [("START", "n"), ("n", "second"), ("made", "done"), ("done", "END")],
+        "conditional_edges": {"second": {"router_field": "positive", "mapping": {"true": "done", "false": "made"}}},
+        "outputs": {"total": ref("made")},
+    }
+    mappings = {"first": {"done": "second", "failed": "abort"}, "second": {"done": "first", "failed": "abort"}}
+    result = run_fake(two_subgraphs(first, consumer(), [("START", "first")], mappings))
+    assert result.visits == {"first": 2, "second": 2}
+    assert result.failed_node == "second/a" and "nothing upstream has produced 'total'" in result.error
+
+
 def test_subgraphs_side_by_side_are_joined_before_the_end():
     both = {"first": {"done": "success", "failed": "abort"}, "second": {"done": "success", "failed": "abort"}}
     chain = {"nodes": {n: tool("Nothing") for n in "abc"} | {"done": {"type": "noop"}},
