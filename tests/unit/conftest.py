@@ -68,6 +68,20 @@ def gap_register_worlds(register):
 def gap_register_robots(register):
     register(replace(FAKE_ROBOT, model_file=HERE / "fake.xml"))
 
+class Elsewhere:
+    """Rolls out nothing, and says how it was asked."""
+    def __init__(self, workers): self.workers = workers
+    def run(self, job, seeds, report, stop):
+        from gap_cli.contracts.engine import EpisodeResult
+        for seed in seeds:
+            reason = f"{self.workers} workers, recording {job.record}"
+            row = {"seed": seed, "status": "crashed", "success": False, "void": True, "reason": reason}
+            report(EpisodeResult(seed, row, {"seed": seed}))
+
+@hookimpl
+def gap_register_engines(register):
+    register("elsewhere", Elsewhere)
+
 @hookimpl
 def gap_register_tasks(register):
     register(HERE / "tasks")

@@ -127,6 +127,12 @@ def test_a_graph_must_be_validated_as_it_is(make_run):
         rehearse(run, 1)
 
 
+def test_a_plugin_may_bring_the_engine(make_run):
+    summary = rehearse(make_run(), 2, workers=7, record="none", engine="elsewhere")
+    assert [row["reason"] for row in summary.rows] == ["7 workers, recording False"] * 2
+    assert summary.clock["engine"] == "elsewhere"
+
+
 def test_an_unknown_engine_names_the_local_one(make_run):
     with pytest.raises(UnknownNameError, match="local"):
         rehearse(make_run(), 1, engine="locale")
