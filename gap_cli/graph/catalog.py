@@ -24,7 +24,8 @@ class Callee:
     """What a node calls, be it a tool, an atomic skill or a script.
 
     `tools` are the tools it may call in its turn (itself, for a tool): what it can hold, and whether it is privileged,
-    follows from them. `choices` are the words a result field may take ('' for the bare result), where known.
+    follows from them. `choices` are the words a result field may take ('' for the bare result), `words` those
+    an input may be, where known.
     """
 
     what: str
@@ -34,6 +35,7 @@ class Callee:
     streaming: bool
     tools: tuple[ToolSpec, ...]
     choices: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    words: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -110,8 +112,9 @@ class Catalog:
             names = sorted({*allowed, *spec.tools}) if spec.any_tool else sorted(spec.tools)
             inputs = {p.name: p for p in spec.inputs}
             self._callees[key] = Callee(
-                f"script {path}", inputs, spec.output, spec.fields, spec.publishes, self._known(names), spec.choices
-            )
+                f"script {path}", inputs, spec.output, spec.fields, spec.publishes, self._known(names), spec.choices,
+                spec.words,
+            )  # fmt: skip
         return self._callees[key]
 
     def _known(self, names: Iterable[str]) -> tuple[ToolSpec, ...]:

@@ -33,13 +33,14 @@ def parse_workflow(data: Any, where: str) -> Workflow:
     if not isinstance(data, Mapping):
         raise DocumentError(where, f"a workflow is a mapping, not {_kind(data)}")
     check_values(data, where)
-    findings = _retired(data)
+    findings, rest = _retired(data)
+    try:
+        workflow = Workflow.model_validate(_flat_recoveries(rest))
+    except ValidationError as error:
+        findings += _shape_findings(error)
     if findings:
         raise WorkflowError(sorted(findings), what=where)
-    try:
-        return Workflow.model_validate(_flat_recoveries(data))
-    except ValidationError as error:
-        raise WorkflowError(_shape_findings(error), what=where) from None
+    return workflow
 
 
 def check_values(data: Any, where: str) -> None:
@@ -66,19 +67,33 @@ def check_values(data: Any, where: str) -> None:
             raise DocumentError(where, f"holds a {type(value).__name__}, which no file can")
 
 
-def _retired(data: Mapping[str, Any]) -> list[Finding]:
-    """A finding with the exact migration for every node of a retired type."""
+def _retired(data: Mapping[str, Any]) -> tuple[list[Finding], Mapping[str, Any]]:
+    """A finding with the exact migration for every node of a retired type, and the data with those out of the way."""
+    found, rest = _retired_in(data, "")
     definitions = data.get("subgraphs")
-    graphs = {"": data}
     if isinstance(definitions, Mapping):
-        graphs |= {f"subgraphs.{n}.": d for n, d in definitions.items() if isinstance(d, Mapping)}
-    return [
-        Finding(f"{prefix}nodes.{name}", NODE_KIND, f"node type {kind!r} is retired", migration(kind, node))
-        for prefix, graph in graphs.items()
-        if isinstance(graph.get("nodes"), Mapping)
-        for name, node in graph["nodes"].items()
-        if isinstance(node, Mapping) and (kind := node.get("type")) in RETIRED
+        mended = dict(definitions)
+        for name, definition in definitions.items():
+            if isinstance(definition, Mapping):
+                more, mended[name] = _retired_in(definition, f"subgraphs.{name}.")
+                found += more
+        rest = {**rest, "subgraphs": mended}
+    return found, rest
+
+
+def _retired_in(graph: Mapping[str, Any], prefix: str) -> tuple[list[Finding], Mapping[str, Any]]:
+    nodes = graph.get("nodes")
+    if not isinstance(nodes, Mapping):
+        return [], graph
+    old = {n: d for n, d in nodes.items() if isinstance(d, Mapping) and d.get("type") in RETIRED}
+    found = [
+        Finding(f"{prefix}nodes.{n}", NODE_KIND, f"node type {d['type']!r} is retired", migration(d["type"], d))
+        for n, d in old.items()
     ]
+    return found, {
+        **graph,
+        "nodes": {n: {"type": "noop"} if n in old else d for n, d in nodes.items()},
+    } if old else graph
 
 
 def _flat_recoveries(data: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from gap_cli.contracts.documents import check_text
 from gap_cli.contracts.failures import DocumentError
@@ -23,7 +24,8 @@ class ScriptSpec:
     `output` is set when `run` returns one bare value, `fields` when it returns named ones. `choices` holds the words
     a `Literal` field may take ('' for the bare output). `tools` are the tools it names in `ctx.tool("...")`;
     `any_tool` is True where a name is computed, so that it may call whatever its skill allows.
-    `publishes` is True for a streaming script: `run` yields, or calls `ctx.publish`.
+    `publishes` is True for a streaming script: `run` yields, or calls `ctx.publish`. `words` are those a `Literal`
+    input may be.
     """
 
     inputs: tuple[Param, ...]
@@ -33,6 +35,7 @@ class ScriptSpec:
     tools: frozenset[str] = frozenset()
     any_tool: bool = False
     publishes: bool = False
+    words: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 def read_signature(source: str, where: str) -> ScriptSpec:
@@ -42,10 +45,10 @@ def read_signature(source: str, where: str) -> ScriptSpec:
     if run is None:
         raise DocumentError(where, "has no function run", hint="Write def run(ctx, ...) -> ...:")
     names = Names.of(module)
-    inputs = _inputs(run, names, where)
+    inputs, words = _inputs(run, names, where)
     output, fields, choices = _outputs(run, names, where)
     tools, any_tool = _tools(module)
-    return ScriptSpec(inputs, output, fields, choices, tools, any_tool, _publishes(run))
+    return ScriptSpec(inputs, output, fields, choices, tools, any_tool, _publishes(run), words)
 
 
 def _parse(source: str, where: str) -> ast.Module:
@@ -60,7 +63,7 @@ def _parse(source: str, where: str) -> ast.Module:
         raise DocumentError(where, f"is not Python: {type(error).__name__}") from None
 
 
-def _inputs(run: ast.FunctionDef, names: Names, where: str) -> tuple[Param, ...]:
+def _inputs(run: ast.FunctionDef, names: Names, where: str) -> tuple[tuple[Param, ...], dict[str, tuple[str, ...]]]:
     spec = run.args
     line = f"{where}:{run.lineno}"
     if spec.vararg or spec.kwarg or spec.posonlyargs:
@@ -70,20 +73,22 @@ def _inputs(run: ast.FunctionDef, names: Names, where: str) -> tuple[Param, ...]
     required = len(spec.args) - len(spec.defaults)
     defaults: list[ast.expr | None] = [None] * required + list(spec.defaults)
     pairs = [*zip(spec.args[1:], defaults[1:], strict=True), *zip(spec.kwonlyargs, spec.kw_defaults, strict=True)]
-    return tuple(_param(argument, default, names, where) for argument, default in pairs)
+    read = [_param(argument, default, names, where) for argument, default in pairs]
+    return tuple(p for p, _ in read), {p.name: words for p, words in read if words}
 
 
-def _param(argument: ast.arg, default: ast.expr | None, names: Names, where: str) -> Param:
+def _param(argument: ast.arg, default: ast.expr | None, names: Names, where: str) -> tuple[Param, tuple[str, ...]]:
     line = f"{where}:{argument.lineno}"
     if argument.annotation is None:
         raise DocumentError(line, f"parameter {argument.arg!r} of run has no type")
-    type_ = _type(argument.annotation, names, line, f"parameter {argument.arg!r}")
-    if default is None:
-        return Param(argument.arg, type_, REQUIRED)
-    try:
-        return Param(argument.arg, type_, ast.literal_eval(default))
-    except (ValueError, TypeError):
-        return Param(argument.arg, type_, COMPUTED)
+    read = _read(argument.annotation, names, line, f"parameter {argument.arg!r}")
+    value: Any = REQUIRED
+    if default is not None:
+        try:
+            value = ast.literal_eval(default)
+        except (ValueError, TypeError):
+            value = COMPUTED
+    return Param(argument.arg, read.type, value), read.choices
 
 
 def _outputs(
@@ -119,10 +124,6 @@ def _unquoted(node: ast.expr, line: str) -> ast.expr:
         return ast.parse(node.value, mode="eval").body
     except (SyntaxError, ValueError, RecursionError):
         raise DocumentError(line, f"the result: {node.value!r} is not a type") from None
-
-
-def _type(node: ast.expr, names: Names, line: str, what: str) -> TypeRef:
-    return _read(node, names, line, what).type
 
 
 def _read(node: ast.expr, names: Names, line: str, what: str) -> Read:

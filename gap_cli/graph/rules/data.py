@@ -45,6 +45,7 @@ def d_inputs(scope: Scope) -> Iterator[Finding]:
                     yield scope.find("D8", path, f"{callee.what} has no input {given!r}", hint)
                 else:
                     wanted = parameter.type
+                yield from _word(scope, path, value, callee.words.get(given, ()))
             for place in places(value, wanted, path, unit_of(given)):
                 yield from _place(scope, name, place)
 
@@ -56,6 +57,14 @@ def _required(scope: Scope, name: str, node: Node, callee: Callee) -> Iterator[F
         if parameter.required and parameter.name not in node.inputs:
             message = f"{callee.what} needs {parameter.name!r} ({parameter.type})"
             yield scope.find("D7", f"nodes.{name}", message, f'Add "{parameter.name}": ... to its inputs.')
+
+
+def _word(scope: Scope, path: str, value: Any, words: tuple[str, ...]) -> Iterator[Finding]:
+    """D6 for an input that takes one of a few words."""
+    if words and isinstance(value, (str, int)):
+        word = str(value).lower() if isinstance(value, bool) else str(value)
+        if word not in words:
+            yield scope.find("D6", path, f"{_shown(value)} is not one of {', '.join(words)}", did_you_mean(word, words))
 
 
 def d_outputs(scope: Scope) -> Iterator[Finding]:

@@ -96,6 +96,11 @@ SOURCES = {
         def run(ctx, opening: float) -> Held: ...
     """,
     "masked": "from gap_cli.contracts.types import Mask\ndef run(ctx, mask: Mask) -> None: ...",
+    "grip": """
+        from typing import Literal
+
+        def run(ctx, how: Literal["firm", "soft"], times: Literal[1, 2] = 1) -> None: ...
+    """,
     "give_up": "def run(ctx) -> None: ...",
     "think": "def run(ctx) -> float: ...",
     "turn": "def run(ctx, yaw_deg: float) -> None: ...",

@@ -85,6 +85,17 @@ def test_too_many_subgraphs_are_refused():
     assert "W6" in judge(json.dumps(data))
 
 
+def test_retired_types_and_other_faults_of_shape_come_together():
+    data = plain_workflow()
+    data["subgraphs"]["pick_sg"]["nodes"]["open"] = {
+        "type": "service",
+        "service": "gripper.v1.Gripper",
+        "method": "Open",
+    }
+    data["subgraphs"]["see_sg"]["skil"] = "see"
+    assert judge(json.dumps(data)) == ["W2", "W1"]
+
+
 def test_depth_is_refused_wherever_it_comes_from():
     data, deep = plain_workflow(), []
     for _ in range(10_000):

@@ -56,6 +56,13 @@ def test_literals_are_held_to_their_types(inputs, codes):
     assert [c for c, _ in of(node("gripper.Open", **inputs))] == codes
 
 
+def test_a_word_is_one_of_those_a_script_takes():
+    grip = 'sg.add_node("n", type="script", script="scripts/grip.py", inputs=%r)'
+    assert of(grip % {"how": "firm", "times": 2}) == []
+    assert only(grip % {"how": "frim"}).hint == "Did you mean 'firm'?"
+    assert [c for c, _ in of(grip % {"how": "soft", "times": 3})] == ["D6"]
+
+
 POSE = {"position": {"x": 0.1, "y": 0.0, "z": 0.3}, "rotation": {"w": 0.0, "x": 1.0, "y": 0.0, "z": 0.0}}
 
 
