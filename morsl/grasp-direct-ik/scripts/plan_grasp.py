@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from gap_cli.contracts.failures import GraspError, PlanningError
 from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.tool import ScriptContext
-from gap_cli.contracts.types import WORLD, OrientedBoundingBox, Quaternion, Se3Pose, Vec3, WorldConfig
+from gap_cli.contracts.types import WORLD, OrientedBoundingBox, Se3Pose, Vec3, WorldConfig
 
 STEP = 0.0065  # m between grasps tried along the object
 TILT_STEP = 7.5  # degrees between the ways down tried
@@ -82,7 +82,7 @@ def run(
     else:
         chosen = roomiest(ctx, spec, measured, tolerated_contact)
     back = descent(chosen.pose, over, approach_offset)
-    return GraspPlan(moved(chosen.pose, np.array([0.0, 0.0, -back])), chosen.pose, chosen.width)
+    return GraspPlan(chosen.pose.moved([0.0, 0.0, -back]), chosen.pose, chosen.width)
 
 
 def proposals(
@@ -90,7 +90,7 @@ def proposals(
 ) -> Iterator[list[tuple[Se3Pose, float]]]:
     """Groups of equally good (pose, width): upright before tilted, narrow before wide, middle before off it."""
     made = ctx.tool("geometry_svc.TopDownGraspCandidates", obb=obb)
-    widths = [extent(obb, pose, [0.0, 1.0, 0.0]) for pose in made.poses]
+    widths = [obb.extent_along(jaws(pose)) for pose in made.poses]
     most = spec.gripper.max_width - 2 * limits.jaw_margin
     fitting = sorted((w, i) for i, w in enumerate(widths) if w <= most)
     if not fitting:
@@ -105,16 +105,26 @@ def proposals(
             middle = made.poses[index]
             for shift in shifts(spec, obb, middle, limits.max_shift):
                 yield [
-                    (grounded(spec, obb, turned(moved(middle, np.array([x, 0.0, 0.0])), lean * jaws), limits), width)
-                    for x in {shift, -shift}
+                    (grounded(spec, obb, middle.moved([x, 0.0, 0.0]).turned(lean * exchange), limits), width)
+                    for x in sorted({shift, -shift})
                     for lean in (Rotation.from_euler("y", a, degrees=True) for a in sorted({tilt, -tilt}))
-                    for jaws in (Rotation.identity(), half_turn)
+                    for exchange in (Rotation.identity(), half_turn)
                 ]
+
+
+def jaws(pose: Se3Pose) -> np.ndarray:
+    """Direction in which the jaws close."""
+    return pose.rotation.rotation.apply([0.0, 1.0, 0.0])
+
+
+def pads(pose: Se3Pose) -> np.ndarray:
+    """Direction along the width of the pads."""
+    return pose.rotation.rotation.apply([1.0, 0.0, 0.0])
 
 
 def shifts(spec: RobotSpec, obb: OrientedBoundingBox, pose: Se3Pose, most: float) -> list[float]:
     """Distances [m] from the object's middle, along the pads, at which a whole pad still meets the object."""
-    long, wide = extent(obb, pose, [1.0, 0.0, 0.0]), extent(obb, pose, [0.0, 1.0, 0.0])
+    long, wide = obb.extent_along(pads(pose)), obb.extent_along(jaws(pose))
     limit = min(most, long / 2 - spec.gripper.finger_size[1] - EDGE) if long > ELONGATED * wide else 0.0
     return [0.0, *(float(s) for s in np.arange(STEP, limit + 1e-9, STEP))]
 
@@ -229,24 +239,7 @@ def descent(grasp: Se3Pose, over: float, least: float) -> float:
     return max(least, float((over - grasp.position.z) / down))
 
 
-def extent(obb: OrientedBoundingBox, pose: Se3Pose, axis: list[float]) -> float:
-    """Full extent of the box along an axis of the TCP [m]."""
-    return float(
-        2 * np.abs(pose.rotation.rotation.apply(axis) @ obb.orientation.rotation.as_matrix()) @ obb.extent.array
-    )
-
-
 def points_of(world: WorldConfig) -> np.ndarray:
     """Points (N, 3) [m] of everything seen but the target itself; supports have none."""
     clouds = [o.points for o in world.obstacles if o.points is not None and o.name != "target"]
     return np.concatenate([np.zeros((0, 3)), *clouds])
-
-
-def moved(pose: Se3Pose, by: np.ndarray) -> Se3Pose:
-    """The pose moved by `by` (3,) [m] along its own axes."""
-    return Se3Pose(Vec3.of(pose.position.array + pose.rotation.rotation.apply(by)), pose.rotation)
-
-
-def turned(pose: Se3Pose, by: Rotation) -> Se3Pose:
-    """The pose turned about its own axes."""
-    return Se3Pose(pose.position, Quaternion.of(pose.rotation.rotation * by))

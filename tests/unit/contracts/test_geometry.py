@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from gap_cli.contracts.types import OrientedBoundingBox, Quaternion, Se3Pose, Vec3
 
 vectors = st.tuples(*[st.floats(-2, 2)] * 3)
-rotations = st.builds(lambda v: Rotation.from_rotvec(v), vectors)
+rotations = st.builds(Rotation.from_rotvec, vectors)
 
 
 @given(rotations, vectors, vectors)
