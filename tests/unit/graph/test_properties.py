@@ -11,12 +11,16 @@ from hypothesis import strategies as st
 
 from gap_cli.contracts.tool import ToolContext, tool
 from gap_cli.errors import GapError
+from gap_cli.graph.assemble import assemble
+from gap_cli.graph.builder import WorkflowSpec
 from gap_cli.graph.catalog import Catalog
 from gap_cli.graph.dump import dump_workflow
 from gap_cli.graph.load import parse_workflow
 from gap_cli.graph.rules.table import rules
+from gap_cli.graph.source import spec_source, subgraph_source
 from gap_cli.graph.validate import validate
 from gap_cli.testing import FakeWorld, fake_skill, fake_tools, fake_workflow, run_fake
+from tests.unit.graph.kit import run as run_code
 
 CODES = {rule.code for rule in rules()}
 
@@ -112,6 +116,22 @@ def test_what_is_well_formed_validates_and_runs_the_same_every_time(workflow, se
     result, story = run(workflow, seed)
     assert (result.status, result.error) == ("success", "")
     assert run(workflow, seed)[1] == story
+
+
+@settings(max_examples=40, deadline=None)
+@given(workflows())
+def test_what_is_well_formed_can_be_written_back_as_builder_code(workflow):
+    codes = {n: subgraph_source(n, d) for n, d in workflow.subgraphs.items()}
+    built = {n: build(code)["sg"].to_dict() for n, code in codes.items()}
+    spec = build(spec_source(workflow, CATALOG.skills))["spec"].to_dict()
+    assert dump_workflow(assemble(spec, built)) == dump_workflow(workflow)
+
+
+def build(code):
+    """Run builder code here, where what `vos` offers is given by name."""
+    return run_code(
+        "\n".join(line for line in code.splitlines() if not line.startswith("from ")), WorkflowSpec=WorkflowSpec
+    )
 
 
 def mutate(data, draw):
