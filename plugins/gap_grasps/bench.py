@@ -7,18 +7,20 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from gap_cli.contracts.privilege import node_scope
 from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.task import Task
 from gap_cli.contracts.tool import Tool
-from gap_cli.contracts.types import Mask
+from gap_cli.contracts.types import Mask, Quaternion, Se3Pose, Vec3
 from gap_cli.contracts.world import World
 from gap_grasps.bench_objects import Subject, bench_task, place, subjects
 from gap_grasps.bench_sight import cloud_of, handle_of, pixels
 from gap_grasps.bench_try import GENERATORS, Cell, Ranked, Seen, attempt, by_graspgen
 
 LIFTED = 0.10  # m a held object must have risen
+MISPLACED, TURNED_DEG = 0.008, 8.0  # standard deviations [m] and [deg] of the hand's error while scores are calibrated
 BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)  # of scores, for calibration
 WRIST = "wrist"
 MakeWorld = Callable[[Task, str, Mapping[str, RobotSpec]], World]
@@ -38,7 +40,8 @@ def grasp_rows(
     """One row per object, seed and generator: what was chosen, and whether it came up and stayed in the hand.
 
     `names` (default all) and `generators` choose what is measured. With `calibrate` grasps of any score are executed
-    instead of the best, drawn evenly over the range of the scores.
+    instead of the best, drawn evenly over the range of the scores, and the hand misses its place: what a score is worth
+    shows where something can go wrong (Mahler et al. 2017 call it robustness).
     """
     everything, seeds = bench_task(task), tuple(seeds)
     for subject in subjects(everything):
@@ -57,7 +60,10 @@ def _episode(cell: Cell, subject: Subject, generator: str, calibrate: bool) -> d
     cell.world.reset(place(cell.task, subject.model, cell.seed))
     with node_scope("bench/grasp"):
         seen = look(cell, handle_only=subject.handle_only)
-        row = attempt(cell, seen, GENERATORS[generator], _evenly(cell.seed) if calibrate else _best)
+        if calibrate:
+            row = attempt(cell, seen, GENERATORS[generator], _evenly(cell.seed), _misplaced(cell.seed))
+        else:
+            row = attempt(cell, seen, GENERATORS[generator], lambda ranked: ranked)
     truth = cell.world.snapshot().body(subject.model)
     row |= {"lifted": truth.lifted(), "success": truth.lifted() > LIFTED and truth.is_grasped()}
     return {"object": subject.name, "seed": cell.seed, "generator": generator, **row}
@@ -78,10 +84,6 @@ def look(cell: Cell, *, handle_only: bool = False) -> Seen:
     return Seen(target, scene, observed.cameras[wrist], Mask(mask))
 
 
-def _best(ranked: Ranked) -> Ranked:
-    return ranked
-
-
 def _evenly(seed: int) -> Callable[[Ranked], Ranked]:
     """A score is drawn first, then the grasps come in the order of their distance from it."""
 
@@ -90,6 +92,20 @@ def _evenly(seed: int) -> Callable[[Ranked], Ranked]:
         return sorted(ranked, key=lambda item: abs(item[1] - wanted))
 
     return pick
+
+
+def _misplaced(seed: int) -> Callable[[Se3Pose], Se3Pose]:
+    """What a badly calibrated cell does: the hand arrives beside where it should, and turned."""
+    rng = np.random.default_rng([seed, 1])
+    x, y = rng.normal(0, MISPLACED, 2)
+    turn = Rotation.from_euler("z", rng.normal(0, TURNED_DEG), degrees=True)
+
+    def displace(pose: Se3Pose) -> Se3Pose:
+        return Se3Pose(
+            Vec3.of(pose.position.array + np.array([x, y, 0.0])), Quaternion.of(turn * pose.rotation.rotation)
+        )
+
+    return displace
 
 
 def rates(rows: Iterable[Mapping[str, Any]], *by: str) -> list[dict[str, Any]]:
@@ -102,7 +118,7 @@ def rates(rows: Iterable[Mapping[str, Any]], *by: str) -> list[dict[str, Any]]:
     out = []
     for key, won in groups.items():
         interval = binomtest(sum(won), len(won)).proportion_ci(method="wilson")
-        rate = {"n": len(won), "success": sum(won) / len(won), "low": interval.low, "high": interval.high}
+        rate = {"n": len(won), "success": sum(won) / len(won), "low": float(interval.low), "high": float(interval.high)}
         out.append(dict(zip(by, key, strict=True)) | rate)
     return out
 

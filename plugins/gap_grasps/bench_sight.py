@@ -21,7 +21,13 @@ def pixels(ctx: ToolContext, camera: CameraObservation, arms: Sequence[ArmState]
     from gap_geometry.clouds import back_project, to_frame
 
     known = valid_depth(camera.depth)
-    points = to_frame(back_project(camera.depth, camera.intrinsics, known), camera.pose)
+    points = back_project(camera.depth, camera.intrinsics, known)
+    # Most pixels show the floor: their height alone says so, without the whole transform.
+    lowest = min(s.z for s in ctx.task.environment.supports.values()) + ABOVE
+    up = camera.pose.matrix[2]
+    high_enough = points @ up[:3] + up[3] >= lowest
+    known[known] = high_enough
+    points = to_frame(points[high_enough], camera.pose)
     low, high = np.array(ctx.task.environment.workspace)
     keep = ((points >= low) & (points <= high)).all(axis=1)
     for support in ctx.task.environment.supports.values():

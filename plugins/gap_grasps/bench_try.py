@@ -115,8 +115,14 @@ GENERATORS: dict[str, Generator] = {
 }
 
 
-def attempt(cell: Cell, seen: Seen, generate: Generator, pick: Callable[[Ranked], Ranked]) -> dict[str, Any]:
-    """Plan, choose, execute. `reason` is empty where every motion was carried out, whatever it led to."""
+def attempt(
+    cell: Cell,
+    seen: Seen,
+    generate: Generator,
+    pick: Callable[[Ranked], Ranked],
+    displace: Callable[[Se3Pose], Se3Pose] = lambda pose: pose,
+) -> dict[str, Any]:
+    """Plan, choose, execute where `displace` puts it. `reason` is empty where every motion was carried out."""
     row: dict[str, Any] = {"grasps": 0, "rank": None, "score": None, "ms": None, "reason": ""}
     started = time.process_time()
     try:
@@ -127,7 +133,7 @@ def attempt(cell: Cell, seen: Seen, generate: Generator, pick: Callable[[Ranked]
     for rank, (pose, score) in enumerate(pick(ranked)[:TRIED]):
         reachable = in_reach(cell, pose, seen.scene)
         if reachable is not None:
-            return row | {"rank": rank, "score": score, "pose": reachable, "reason": execute(cell, reachable)}
+            return row | {"rank": rank, "score": score, "pose": reachable, "reason": execute(cell, displace(reachable))}
     return row | {"reason": "unreachable" if ranked else "no_grasp"}
 
 

@@ -46,15 +46,21 @@ def clear_of(points: Array, T_tcp: Array, hand: Hand) -> Array:
     half_y, half_x, half_z = hand.gripper.finger_size
     inner = hand.gripper.max_width / 2
     outer, back = inner + 2 * half_y, hand.gripper.finger_depth + half_z + SHADOW
-    small = points.astype(np.float32)
     for start in range(0, len(T_tcp), BATCH):
-        T = T_tcp[start : start + BATCH].astype(np.float32)
-        local = small @ T[:, :3, :3] - np.einsum("ki,kij->kj", T[:, :3, 3], T[:, :3, :3])[:, None]
+        local = local_to(points, T_tcp[start : start + BATCH])
         y, z = np.abs(local[..., 1]), local[..., 2]
         inside = (y >= inner - FINGER_GAP) & (y <= outer + FINGER_GAP) & (z <= half_z + FINGER_GAP) & (z >= -back)
         inside &= np.abs(local[..., 0]) <= half_x + FINGER_GAP
         free[start : start + BATCH] &= np.count_nonzero(inside, axis=1) <= STRAY
     return free
+
+
+def local_to(points: Array, T_tcp: Array) -> Array:
+    """The points (N, 3) in the frame of each pose (K, 4, 4): (K, N, 3), single precision."""
+    T = T_tcp.astype(np.float32)
+    return np.asarray(
+        points.astype(np.float32) @ T[:, :3, :3] - np.einsum("ki,kij->kj", T[:, :3, 3], T[:, :3, :3])[:, None]
+    )
 
 
 def _palm_is_free(points: Array, T_tcp: Array, hand: Hand) -> Array:

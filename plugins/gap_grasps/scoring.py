@@ -6,6 +6,7 @@ import numpy as np
 
 from gap_cli.contracts.robot import GripperSpec
 from gap_cli.contracts.types import Array
+from gap_grasps.clearance import BATCH, local_to
 from gap_grasps.sampling import THINNEST, cone_margin
 from gap_grasps.surface import Surface
 
@@ -25,17 +26,25 @@ def score_poses(surface: Surface, T_tcp: Array, gripper: GripperSpec) -> Array:
     A pose with nothing between its jaws, or contacts wider than they open, scores 0.
     """
     middle = surface.centroid
-    return np.array([_score(surface, T, gripper, middle) for T in T_tcp])
+    scores = [0.0] * len(T_tcp)
+    reach = np.array([gripper.finger_size[1], gripper.max_width / 2, gripper.finger_size[2]], dtype=np.float32)
+    for start in range(0, len(T_tcp), BATCH):
+        batch = T_tcp[start : start + BATCH]
+        local = local_to(surface.points, batch)
+        between = np.asarray((np.abs(local) <= reach).all(axis=2))
+        for i, T in enumerate(batch):
+            touched, normals = local[i][between[i]], surface.normals[between[i]]
+            scores[start + i] = _score(touched, normals @ T[:3, 1], gripper, middle - T[:3, 3], T[:3, 1])
+    return np.array(scores)
 
 
-def _score(surface: Surface, T: Array, gripper: GripperSpec, middle: Array) -> float:
-    _, half_x, half_z = gripper.finger_size
-    local = (surface.points - T[:3, 3]) @ T[:3, :3]
-    between = (np.abs(local) <= (half_x, gripper.max_width / 2, half_z)).all(axis=1)
-    if np.count_nonzero(between) < 2:
+def _score(touched: Array, facing: Array, gripper: GripperSpec, offset: Array, closing: Array) -> float:
+    """Of one pose: points between the pads in its frame (N, 3), how much each faces along the closing direction (N,),
+    and where the object's middle is from the TCP (3,)."""
+    if len(touched) < 2:
         return 0.0
-    touched = local[between]
-    y, facing = touched[:, 1], surface.normals[between] @ T[:3, 1]
+    _, half_x, half_z = gripper.finger_size
+    y = touched[:, 1]
     width = float(np.ptp(y))
     left, right = (y <= y.min() + SKIN) & (facing < 0), (y >= y.max() - SKIN) & (facing > 0)
     if width < THINNEST or not left.any() or not right.any():
@@ -43,8 +52,7 @@ def _score(surface: Surface, T: Array, gripper: GripperSpec, middle: Array) -> f
     cosine = min(float(np.median(-facing[left])), float(np.median(facing[right])))
     margin = float(cone_margin(np.array([cosine]))[0])
     purchase = min(_coverage(touched[side], half_x, half_z) for side in (left, right))
-    offset = middle - T[:3, 3]
-    lever = float(np.linalg.norm(offset - (offset @ T[:3, 1]) * T[:3, 1]))
+    lever = float(np.linalg.norm(offset - (offset @ closing) * closing))
     # The jaws centre what they close on: only the sum of both sides' room counts.
     room = min(1.0, max(0.0, (gripper.max_width - width) / (2 * ROOM)))
     return margin * (0.3 + 0.7 * purchase) * room / (1 + (lever / LEVER) ** 2)

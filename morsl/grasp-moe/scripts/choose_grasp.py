@@ -22,6 +22,7 @@ from gap_cli.contracts.types import (
 )
 
 HALF_TURN = Quaternion(0.0, 0.0, 0.0, 1.0).rotation  # about the approach: the jaws exchanged
+LEAN_STEP = 5.0  # degrees of leaning that count as equal
 STEEP = 0.3  # least share of the approach that must point down for it to be prolonged upwards
 
 
@@ -48,16 +49,17 @@ def run(
     approach_offset: float = 0.10,
     pass_over: float = 0.03,
     lift_height: float = 0.15,
+    near_best: float = 0.75,
 ) -> Choice:
     """Choose. Raises `GraspError` (`no_grasp`), `PlanningError` (`blocked` when none is in reach without collision)."""
     pool = [*best(sampled, sampled_scores, top_k, min_score), *best(swept, swept_scores, top_k, min_score)]
-    pool.sort(key=lambda item: -item[1])
     if not pool:
         raise GraspError(
             "no_grasp",
             f"Neither expert found a grasp worth {min_score:g}: {len(sampled)} sampled, {len(swept)} swept.",
             detail={"best": max([*sampled_scores, *swept_scores], default=0.0)},
         )
+    pool = ordered(pool, near_best)
     pairs = [(turned, score) for pose, score in pool for turned in (pose, exchanged(pose))]
     found = ctx.tool(
         "curobo.BatchGraspFeasibility",
@@ -85,6 +87,18 @@ def best(poses: list[Se3Pose], scores: list[float], top_k: int, least: float) ->
     """The `top_k` best scored, none below `least`; earlier ones first among equals."""
     order = sorted(range(len(poses)), key=lambda i: -scores[i])[:top_k]
     return [(poses[i], scores[i]) for i in order if scores[i] >= least and scores[i] > 0]
+
+
+def ordered(pool: list[tuple[Se3Pose, float]], near_best: float) -> list[tuple[Se3Pose, float]]:
+    """Best first; but of those nearly as good as the best the most upright, which fit best into what they are put in."""
+    enough = near_best * max(score for _, score in pool)
+
+    def key(item: tuple[Se3Pose, float]) -> tuple[bool, float, float]:
+        pose, score = item
+        lean = np.degrees(np.arccos(np.clip(-pose.rotation.rotation.as_matrix()[2, 2], -1, 1)))
+        return score < enough, round(lean / LEAN_STEP) if score >= enough else 0.0, -score
+
+    return sorted(pool, key=key)
 
 
 def straight(ctx: ScriptContext, start: Se3Pose, end: Se3Pose) -> bool:
