@@ -21,7 +21,7 @@ class Weights:
 
 
 WEIGHTS = {
-    "grounding_dino": Weights("IDEA-Research/grounding-dino-base", ("grounding_dino",)),
+    "grounding_dino": Weights("IDEA-Research/grounding-dino-base", ("grounding-dino",)),
     "owlvit": Weights("google/owlv2-base-patch16-ensemble", ("owlvit", "owlv2")),
     "sam2": Weights("facebook/sam2.1-hiera-large", ("sam2", "sam2_video")),
     "sam3": Weights("facebook/sam3", ("sam3_video",)),

@@ -88,7 +88,7 @@ def update_tracker(ctx: ToolContext, tracker_id: str, image: Image) -> Tracked:
 
 @serves(contracts.close_tracker, provider="hf")
 def close_tracker(ctx: ToolContext, tracker_id: str) -> None:
-    """Free a tracker. Raises `BadRequestError` for one that is not open."""
+    """Free a tracker and the memory its network kept. Raises `BadRequestError` for one that is not open."""
     from gap_hf.following import stop
 
     track = _open(ctx, tracker_id)

@@ -117,8 +117,9 @@ def sam3(folder):
         mask_decoder_config=Sam3TrackerVideoMaskDecoderConfig(
             hidden_size=WIDE, mlp_dim=WIDE, num_attention_heads=2, iou_head_hidden_dim=16
         ),
-        memory_attention_hidden_size=WIDE, memory_attention_num_layers=1, memory_attention_feed_forward_hidden_size=WIDE,
-        memory_attention_rope_feat_sizes=[4, 4], memory_encoder_hidden_size=WIDE, memory_encoder_output_channels=WIDE // 2,
+        memory_attention_hidden_size=WIDE, memory_attention_num_layers=1, memory_attention_rope_feat_sizes=[4, 4],
+        memory_attention_feed_forward_hidden_size=WIDE, memory_encoder_hidden_size=WIDE,
+        memory_encoder_output_channels=WIDE // 2,
         mask_downsampler_embed_dim=WIDE, memory_fuser_embed_dim=WIDE, memory_fuser_intermediate_dim=WIDE,
     )  # fmt: skip
     config = Sam3VideoConfig(detector_config=detector, tracker_config=tracker)
