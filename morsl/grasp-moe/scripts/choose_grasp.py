@@ -90,7 +90,7 @@ def best(poses: list[Se3Pose], scores: list[float], top_k: int, least: float) ->
 
 
 def ordered(pool: list[tuple[Se3Pose, float]], near_best: float) -> list[tuple[Se3Pose, float]]:
-    """Best first; but of those nearly as good as the best the most upright, which fit best into what they are put in."""
+    """Best first; but of those nearly as good as the best the most upright: they fit best where they are put."""
     enough = near_best * max(score for _, score in pool)
 
     def key(item: tuple[Se3Pose, float]) -> tuple[bool, float, float]:
