@@ -83,6 +83,10 @@ CATALOGUE = {
         {"<name>_obb": "OrientedBoundingBox", "<name>_mask": "Mask", "<name>_cloud": "PointCloud"},
     ),
     "grasp-direct-ik": ({"target_obb": "OrientedBoundingBox"}, {}),
+    "grasp-moe": (
+        {"target_obb": "OrientedBoundingBox", "target_mask": "Mask", "target_cloud": "PointCloud"},
+        {"ee_pose_at_grasp": "Se3Pose"},
+    ),
     "transport-to-drop": (
         {
             "container_obb": "OrientedBoundingBox",
