@@ -12,15 +12,16 @@ import numpy as np
 from gap_cli.contracts.failures import ToolError
 from gap_cli.contracts.privilege import node_scope
 from gap_cli.contracts.robot import RobotSpec
-from gap_cli.contracts.snapshot import BodyState, WorldSnapshot
 from gap_cli.contracts.task import Task
 from gap_cli.contracts.tool import Tool
-from gap_cli.contracts.types import Array, CameraObservation, Mask, OrientedBoundingBox
+from gap_cli.contracts.types import CameraObservation, Mask, OrientedBoundingBox
 from gap_cli.contracts.world import World
+from gap_perception.bench_noise import SENSORS, Sensor, degrade
 from gap_perception.bench_scenes import LEVELS, SCENE, Clutter, bench_task, sample_scene
+from gap_perception.bench_truth import judge
+from gap_perception.frames import remember
+from gap_perception.scene.analyse import library_of
 
-ROUND = 0.1  # relative difference of horizontal sides below which yaw means nothing
-FOUND = 0.03  # m: a box centred farther off than this is not of that object
 Perceive = Callable[["Cell", list[CameraObservation], str], tuple[OrientedBoundingBox, Mask]]
 
 
@@ -62,114 +63,55 @@ def measure(
     seeds: Iterable[int],
     make_world: Callable[[Task, str, Mapping[str, RobotSpec]], World],
     levels: tuple[Clutter, ...] = LEVELS,
+    sensor: Sensor = SENSORS[0],
 ) -> Iterator[dict[str, Any]]:
-    """One row per scene and object of the task, in it or not; levels take turns. Seeds name scenes."""
+    """One row per scene and object of the task, in it or not; levels of clutter take turns. Seeds name scenes.
+
+    `perceive` is a skill's way from frames to a box and a mask; it runs as a policy node and raises `ToolError` when it
+    finds nothing. `sensor` degrades what it sees.
+    """
     everything = bench_task(task)
     world = make_world(everything, SCENE, robots)
     cell = Cell(world, everything, robots, tools)
+    library_of(cell)  # once per process, so no frame's time
     try:
         for seed in seeds:
             clutter = levels[seed % len(levels)]
             instance, present = sample_scene(everything, clutter, seed)
             world.reset(instance)
-            yield from _scene_rows(cell, perceive, clutter, seed, present)
+            yield from _scene_rows(cell, perceive, clutter, seed, present, sensor)
     finally:
         world.close()
 
 
 def _scene_rows(
-    cell: Cell, perceive: Perceive, clutter: Clutter, seed: int, present: tuple[str, ...]
+    cell: Cell, perceive: Perceive, clutter: Clutter, seed: int, present: tuple[str, ...], sensor: Sensor
 ) -> Iterator[dict[str, Any]]:
-    truth = cell.world.snapshot()
+    truth, clean = cell.world.snapshot(), cell.world.observe()
+    seen = degrade(clean, sensor, seed)
     names = list(cell.task.objects)
     turn = seed % len(names)
     cell.state.clear()
+    remember(cell.state, seen)
     # The first search of a scene pays for looking at the frames and is the one that is timed; they take turns.
     for name in names[turn:] + names[:turn]:
-        model = cell.task.objects[name]
         with node_scope("bench/perceive"):
-            observed = cell.tool("observation.GetObservation")
             started = time.process_time()
             try:
-                found: tuple[OrientedBoundingBox, Mask] | None = perceive(cell, observed.cameras, model.label)
+                found = perceive(cell, list(seen.cameras), cell.task.objects[name].label)
             except ToolError:
                 found = None
             spent = time.process_time() - started
-        row: dict[str, Any] = {"seed": seed, "clutter": clutter.name, "object": name, "present": name in present}
-        row["ms"] = 1e3 * spent if name == names[turn] else None
-        yield row | _judge(cell, truth, name, found, present, observed.cameras)
-
-
-def _judge(
-    cell: Cell,
-    truth: WorldSnapshot,
-    name: str,
-    found: tuple[OrientedBoundingBox, Mask] | None,
-    present: tuple[str, ...],
-    cameras: list[CameraObservation],
-) -> dict[str, Any]:
-    visible = [true_mask(cell, truth, name, camera, present) for camera in cameras] if name in present else []
-    row: dict[str, Any] = {"found": found is not None, "pixels": int(sum(v.sum() for v in visible)), "wrong": False}
-    if found is None:
-        return row
-    box, mask = found
-    nearest = min(present, key=lambda n: _apart(truth.bodies[n], box))
-    if name not in present or nearest != name or _apart(truth.bodies[name], box) > FOUND:
-        return row | {"wrong": True}
-    body = truth.bodies[name]
-    overlap = max(_iou(mask.data, v) for v in visible if v.shape == mask.data.shape)
-    error = box.center.array - body.box.center.array
-    return row | {"iou": overlap, "center_mm": 1e3 * float(np.linalg.norm(error)), "yaw_deg": yaw_error(body.box, box)}
-
-
-def true_mask(
-    cell: Cell, truth: WorldSnapshot, name: str, camera: CameraObservation, present: tuple[str, ...]
-) -> Array:
-    """Pixels (H, W) whose measured point lies on the object's model where it truly is, and nearer than to any other."""
-    from gap_perception.scene.analyse import library_of
-    from gap_perception.scene.fit import Fit
-    from gap_perception.scene.points import lift
-
-    library, points = library_of(cell), lift(camera, cell.task.environment)
-    distance = {}
-    for other in present:
-        pose = truth.bodies[other].pose
-        fit = Fit(library[other], 0, pose.rotation.rotation.as_matrix(), pose.position.array, np.zeros(0))
-        distance[other] = fit.surface_distance(points.xyz)
-    nearest = np.min(list(distance.values()), axis=0)
-    on = (distance[name] < 0.004) & (distance[name] <= nearest)
-    mask = np.zeros(camera.depth.data.shape, dtype=bool)
-    mask[points.rows[on], points.columns[on]] = True
-    return mask
-
-
-def yaw_error(true: OrientedBoundingBox, box: OrientedBoundingBox) -> float | None:
-    """Angle between the longer horizontal sides, 0 to 90 [deg]; None for a box (almost) square seen from above."""
-    half = true.extent.array[:2]
-    if abs(half[0] - half[1]) <= ROUND * half.max():
-        return None
-    true_axis, axis = (_long_axis(b) for b in (true, box))
-    return float(np.degrees(np.arccos(np.clip(abs(true_axis @ axis), 0, 1))))
-
-
-def _long_axis(box: OrientedBoundingBox) -> Array:
-    axes = box.orientation.rotation.as_matrix()
-    axis = axes[:2, 0] if box.extent.x >= box.extent.y else axes[:2, 1]
-    return np.asarray(axis / np.linalg.norm(axis))
-
-
-def _apart(body: BodyState, box: OrientedBoundingBox) -> float:
-    return float(np.linalg.norm((body.box.center.array - box.center.array)[:2]))
-
-
-def _iou(a: Array, b: Array) -> float:
-    union = np.count_nonzero(a | b)
-    return np.count_nonzero(a & b) / union if union else 0.0
+        row: dict[str, Any] = {"seed": seed, "clutter": clutter.name, "sensor": sensor.name, "object": name}
+        row |= {"present": name in present, "ms": 1e3 * spent if name == names[turn] else None}
+        yield row | judge(cell, truth, name, found, present, clean.cameras)
 
 
 def summarise(rows: Iterable[Mapping[str, Any]]) -> dict[str, float]:
     """Precision, recall, wrong-object rate, mask IoU, centre and yaw errors, and time, over all rows."""
     rows = list(rows)
+    if not rows:
+        return {}
     there = [r for r in rows if r["present"] and r["pixels"] >= MIN_VISIBLE]
     found = [r for r in rows if r["found"]]
     right = [r for r in found if not r["wrong"]]
@@ -186,9 +128,17 @@ def summarise(rows: Iterable[Mapping[str, Any]]) -> dict[str, float]:
         "center_mm_p95": float(np.quantile(centre, 0.95)),
         "yaw_deg_median": float(np.median(yaw or [np.nan])),
         "yaw_deg_p95": float(np.quantile(yaw or [np.nan], 0.95)),
-        "ms_median": float(np.median(ms)),
-        "ms_p95": float(np.quantile(ms, 0.95)),
+        "ms_median": float(np.median(ms or [np.nan])),
+        "ms_p95": float(np.quantile(ms or [np.nan], 0.95)),
     }
 
 
 MIN_VISIBLE = 100  # pixels over all cameras from which an object counts as visible
+
+
+def by(rows: Iterable[Mapping[str, Any]], key: str) -> dict[str, dict[str, float]]:
+    """`summarise` per value of `key` (`object`, `clutter`, `sensor`), in order of appearance."""
+    groups: dict[str, list[Mapping[str, Any]]] = {}
+    for row in rows:
+        groups.setdefault(str(row[key]), []).append(row)
+    return {value: summarise(group) for value, group in groups.items()}

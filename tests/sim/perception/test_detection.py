@@ -1,8 +1,13 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from gap_cli.contracts.types import BoundingBox2D, Image
-from gap_perception.bench import true_mask
+from gap_cli.contracts.privilege import node_scope
+from gap_cli.contracts.types import BoundingBox2D, Image, Quaternion, Se3Pose, Vec3
+from gap_cli.contracts.world import Instance
+from gap_perception.bench_scenes import SCENE
+from gap_perception.bench_truth import true_mask
 
 pytestmark = pytest.mark.sim
 
@@ -105,3 +110,35 @@ def test_an_image_never_observed_is_judged_by_colour_and_less_surely(cell, camer
     assert 0.2 < unknown[0].score < known[0].score
     a, b = (np.array([d.box.x_min, d.box.y_min, d.box.x_max, d.box.y_max]) for d in (known[0], unknown[0]))
     assert np.abs(a - b).max() < 12
+
+
+def test_something_without_a_model_is_not_taken_for_a_model(cell, cameras, present):
+    """Taken out of the task's objects it is still in the picture, and is nothing then."""
+    gone = next(n for n in present if cell.task.objects[n].shape.kind == "cylinder")
+    task = cell.task.model_copy(update={"objects": {n: m for n, m in cell.task.objects.items() if n != gone}})
+    stranger = replace(cell, task=task, state={})
+    stranger.tool("observation.GetObservation")
+    for name in task.objects:
+        found = stranger.tool("grounding_dino.Detect", image=cameras[0].rgb, text_prompt=label(cell, name)).detections
+        assert len(found) == (name in present), name
+
+
+def test_what_is_inside_the_basket_is_found_there(cell, present, truth):
+    """It stands on the basket's floor, no support of the cell, and little of it shows."""
+    name = next(n for n in present if cell.task.objects[n].shape.kind == "cylinder")
+    basket = truth.bodies["basket"].pose.position
+    inside = Vec3(
+        basket.x, basket.y, cell.task.objects["basket"].shape.floor + cell.task.objects[name].shape.size[2] / 2
+    )
+    before = cell.world.snapshot()
+    poses = {n: b.pose for n, b in before.bodies.items()}
+    try:
+        cell.world.reset(Instance(0, SCENE, poses | {name: Se3Pose(inside, Quaternion(1, 0, 0, 0))}))
+        cell.state.clear()
+        with node_scope("test"):
+            frames = cell.tool("observation.GetObservation").cameras
+            question = f"Is the {label(cell, name)} in the basket?"
+            assert cell.tool("molmo.QueryYesNo", prompt=question, image=frames[1].rgb, use_multiview=True).answer
+            assert cell.tool("vlm.Query", prompt="Is the basket in the basket?", image=frames[1].rgb).text == "no"
+    finally:
+        cell.world.reset(Instance(0, SCENE, poses))
