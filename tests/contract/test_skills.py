@@ -71,6 +71,16 @@ def test_checkpoints_parse_and_promise_something(name):
     assert any(p.validate and p.rationale for p in points)
 
 
+@every_skill
+def test_swaps_do_the_same_and_give_no_less(name):
+    contract = LIBRARY[name].contract
+    for other in contract.swaps:
+        swap = LIBRARY[other].contract
+        assert (swap.stage, swap.roles, swap.needs) == (contract.stage, contract.roles, contract.needs)
+        assert contract.outputs.items() <= swap.outputs.items()
+        assert set(contract.effects) <= set(swap.effects)
+
+
 def test_no_skill_knows_one_robot():
     for file in (p for b in LIBRARY.values() if b.plugin == "morsl" for p in b.files):
         for robot in REGISTRY.robots:
@@ -83,6 +93,14 @@ CATALOGUE = {
         {"<name>_obb": "OrientedBoundingBox", "<name>_mask": "Mask", "<name>_cloud": "PointCloud"},
     ),
     "grasp-direct-ik": ({"target_obb": "OrientedBoundingBox"}, {}),
+    "grasp-curobo-obb": (
+        {"target_obb": "OrientedBoundingBox", "target_mask": "Mask"},
+        {"ee_pose_at_grasp": "Se3Pose", "grasp_pose": "Se3Pose"},
+    ),
+    "grasp-short-axis": (
+        {"target_obb": "OrientedBoundingBox", "target_mask": "Mask", "base_obb": "OrientedBoundingBox"},
+        {"ee_pose_at_grasp": "Se3Pose", "grasp_pose": "Se3Pose"},
+    ),
     "grasp-moe": (
         {"target_obb": "OrientedBoundingBox", "target_mask": "Mask", "target_cloud": "PointCloud"},
         {"ee_pose_at_grasp": "Se3Pose"},
