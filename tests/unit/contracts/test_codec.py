@@ -60,7 +60,6 @@ def test_values_become_plain(value, plain):
     "value",
     [object(), b"x", bytearray(2), memoryview(b"x"), {1, "a"}, {1: 2, "1": 3}, np.array([object()]), np.array(["a"]),
      1j, Vec3],
-    ids=repr,
 )  # fmt: skip
 def test_what_no_file_can_hold_is_refused(value):
     with pytest.raises(BadRequestError):
