@@ -182,3 +182,16 @@ def make_run(tmp_path, little_cell):
         return run
 
     return make
+
+
+@pytest.fixture(scope="session")
+def once():
+    """`once(key, make)`: what `make` made the first time a test of this process asked. For rehearsals only looked at."""
+    made = {}
+
+    def get(key, make):
+        if key not in made:
+            made[key] = make()
+        return made[key]
+
+    return get

@@ -4,9 +4,9 @@ from gap_cli.rehearse import rehearse
 
 
 @pytest.fixture
-def page(make_run, faults):
+def page(once, make_run, faults):
     faults(seed4="slip", seed5="slip", seed6="segv")
-    summary = rehearse(make_run(), 10, workers=2, record="none")
+    summary = once("page", lambda: rehearse(make_run(), 10, workers=2, record="none"))
     return summary, (summary.folder / "feedback.md").read_text()
 
 

@@ -11,9 +11,13 @@ from gap_cli.rehearse import rehearse
 
 
 @pytest.fixture
-def recording(make_run, faults):
+def recording(once, make_run, faults):
     """The row of one episode, and topic -> [(log time [ns], schema, message)] of its recording."""
     faults(seed3="slip")
+    return once("recording", lambda: record(make_run))
+
+
+def record(make_run):
     run = make_run()
     summary = rehearse(run, 1, record="all")
     (path,) = run.folder("rehearse/00").glob("*.mcap")

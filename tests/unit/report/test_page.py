@@ -41,10 +41,14 @@ class Page(HTMLParser):
 
 
 @pytest.fixture
-def rehearsed(make_run, faults):
+def rehearsed(once, make_run, faults):
     faults(seed4="slip")
-    run = make_run()
-    return run, rehearse(run, 3, workers=1)
+
+    def make():
+        run = make_run()
+        return run, rehearse(run, 3, workers=1)
+
+    return once("rehearsed", make)
 
 
 def test_the_page_holds_what_was_found(rehearsed):
