@@ -186,7 +186,7 @@ def make_run(tmp_path, little_cell):
 
 @pytest.fixture(scope="session")
 def once():
-    """`once(key, make)`: what `make` made the first time a test of this process asked. For rehearsals only looked at."""
+    """`once(key, make)`: what `make` made when a test of this process first asked; only to be looked at."""
     made = {}
 
     def get(key, make):
