@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -54,20 +55,17 @@ class Body:
 
 
 def make_body(chain: Chain, width: float) -> Body:
-    """The robot with its jaws `width` [m] open."""
-    key = (id(chain), round(width, 4))
-    if key not in _BODIES:
-        parts = _parts(chain, width)
-        last = chain.dof - 1
-        hand = {n for n, k in chain.links.items() if k.frame == last and (k.slide.any() or n == chain.spec.flange_link)}
-        grippers = frozenset(i for i, part in enumerate(parts) if part.link in hand)
-        while len(_BODIES) >= 64:
-            _BODIES.pop(next(iter(_BODIES)))
-        _BODIES[key] = (chain, Body(parts, _meeting(chain, parts), grippers))
-    return _BODIES[key][1]
+    """The robot with its jaws `width` [m] open; jaws are told apart to a tenth of a millimetre."""
+    return _make_body(chain, round(width, 4))
 
 
-_BODIES: dict[tuple[int, float], tuple[Chain, Body]] = {}
+@lru_cache(maxsize=64)
+def _make_body(chain: Chain, width: float) -> Body:
+    parts = _parts(chain, width)
+    last = chain.dof - 1
+    hand = {n for n, k in chain.links.items() if k.frame == last and (k.slide.any() or n == chain.spec.flange_link)}
+    grippers = frozenset(i for i, part in enumerate(parts) if part.link in hand)
+    return Body(parts, _meeting(chain, parts), grippers)
 
 
 def _parts(chain: Chain, width: float) -> tuple[Part, ...]:

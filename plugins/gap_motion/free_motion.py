@@ -24,7 +24,7 @@ from gap_motion.timing import time_path
 CORNERS = (CORNER, CORNER / 4, CORNER / 40)  # rounding that is tried in turn until the timed motion is free
 TRIES = (STEP, STEP / 3, STEP / 6)  # m: how closely a path is checked; another, when its timed motion is not free
 CORNER_SAMPLES = 5  # of a trajectory, over which it turns from the planned path into the straight approach
-LINES = 6  # straight approaches looked at before planning towards them
+LINES = 3  # straight approaches looked at before planning towards them
 
 
 class Reached(NamedTuple):
@@ -45,6 +45,11 @@ def timed(checker: Checker, waypoints: Array) -> Trajectory | None:
         if checker.free(trajectory.positions):
             return trajectory
     return None
+
+
+def to_joints(checker: Checker, start: Array, goals: Array, seed: int, improve: bool = False) -> Reached:
+    """A free motion from `start` (n,) to the cheapest reachable of goals (G, n). Raises `PlanningError`."""
+    return _connect(checker, start, goals, np.arange(len(goals)), seed, improve)
 
 
 def to_poses(situation: Situation, start: Array, poses: Array, seed: int, improve: bool = False) -> Reached:

@@ -7,14 +7,12 @@ import numpy as np
 from gap_cli.contracts.failures import PlanningError
 from gap_cli.contracts.types import Array, Trajectory, WorldConfig
 from gap_motion.checker import Checker
-from gap_motion.free_motion import TRIES, timed
+from gap_motion.free_motion import to_joints
 from gap_motion.goals import free_goals, within_limits
 from gap_motion.moves import straight
-from gap_motion.obstacles import containing
-from gap_motion.planner import plan, refuse_contact
+from gap_motion.planner import refuse_contact
 from gap_motion.situation import Situation
 
-TOUCH = 0.01  # m: an obstacle this near to the grasp's TCP is the one being grasped
 STARTS = 8  # configurations before the grasp that are tried in turn
 
 
@@ -35,7 +33,7 @@ def grasp_motion(
     cell, before, after = situation.cell, grasp.copy(), grasp.copy()
     before[:3, 3] -= approach
     after[:3, 3] += lift
-    grasped = [name] if name else containing(config, grasp[None, :3, 3], TOUCH)
+    grasped = [name] if name else situation.graspable(config, grasp[None])
     free, reaching = situation.checker(start), situation.checker(reaching=True, grasped=grasped)
     rows = within_limits(cell.chain, cell.last_frame(before)[None], start)
     if not len(rows[0]):
@@ -52,19 +50,10 @@ def grasp_motion(
             carrying = situation.holding(config, grasped[0], at_grasp) if grasped and config else situation
             up = straight(cell, at_grasp, cell.last_frame(after))
             up = _checked(carrying.checker(at_grasp, reaching=True, grasped=grasped), up, "lift")
-            return _freely(free, start, q, seed), down, up
+            return to_joints(free, start, q[None], seed).trajectory, down, up
         except PlanningError as error:
             problem = problem or error
     raise problem or PlanningError("no_path", "No configuration before the grasp is free.")
-
-
-def _freely(checker: Checker, start: Array, goal: Array, seed: int) -> Trajectory:
-    for attempt, step in enumerate(TRIES):
-        path = plan(checker, start, goal[None], seed + 7919 * attempt, step=step)
-        found = timed(checker, path.waypoints)
-        if found is not None:
-            return found
-    raise PlanningError("no_path", f"No approach stayed free once it was timed, in {len(TRIES)} tries.")
 
 
 def _checked(checker: Checker, trajectory: Trajectory, phase: str) -> Trajectory:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -126,17 +126,9 @@ class ClosedForm:
     free: bool
 
 
-_FORMS: dict[int, tuple[Chain, ClosedForm | None]] = {}
-
-
+@lru_cache(maxsize=64)
 def closed_form(chain: Chain) -> ClosedForm | None:
     """The closed form of an arm, found once per chain, or None."""
-    if id(chain) not in _FORMS:
-        _FORMS[id(chain)] = (chain, _find_form(chain))
-    return _FORMS[id(chain)][1]
-
-
-def _find_form(chain: Chain) -> ClosedForm | None:
     seven, six = ik_7r.geometry(chain), ik_6r.geometry(chain)
     if seven is not None:
         return ClosedForm(partial(ik_7r.solve, seven), free=True)

@@ -15,9 +15,10 @@ from gap_cli.contracts.failures import BadRequestError
 from gap_cli.contracts.types import Array, Obstacle, OrientedBoundingBox, WorldConfig
 
 VOXEL = 0.01  # m
+TOUCH = 0.01  # m: how sizes and places of obstacles seen by a camera may be off
 REACH = 0.15  # m around a field in which distances are known; farther away it counts as this far
 MOST_POINTS = 5_000_000
-MOST_CELLS = 2_000_000
+MOST_CELLS = 300_000
 SOLID = 0.9  # of a box filled by its points' columns: then the box itself is the better obstacle
 
 
@@ -168,12 +169,16 @@ def _checked(obstacle: Obstacle) -> Obstacle:
     return obstacle
 
 
-def containing(scene_config: WorldConfig | None, points: Array, margin: float) -> Sequence[str]:
-    """Names of the obstacles whose box, grown by `margin` [m], contains any of the points (K, 3)."""
+def graspable(config: WorldConfig | None, grasps: Array, width: float) -> list[str]:
+    """Names of the obstacles that any of the TCP poses (K, 4, 4) grasps.
+
+    The TCP is within `TOUCH` of the obstacle's box, and the box fits between jaws `width` [m] open.
+    """
     found = []
-    for obstacle in scene_config.obstacles if scene_config is not None else ():
-        box = obstacle.box
-        local = np.abs(box.orientation.rotation.inv().apply(points - box.center.array))
-        if (local <= box.extent.array + margin).all(axis=1).any():
+    for obstacle in config.obstacles if config is not None else ():
+        box, turn = obstacle.box, obstacle.box.orientation.rotation.as_matrix().T
+        near = (np.abs((grasps[:, :3, 3] - box.center.array) @ turn.T) <= box.extent.array + TOUCH).all(axis=1)
+        across = np.abs(grasps[:, :3, 1] @ turn.T) @ box.extent.array  # half the box along the closing direction
+        if (near & (2 * across <= width + 2 * TOUCH)).any():
             found.append(obstacle.name)
     return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -58,8 +59,9 @@ class Layout:
             yield group, (left[:, :, group.first].transpose(0, 2, 1) @ right[:, :, group.second]) < group.touching
 
 
+@lru_cache(maxsize=64)
 def layout(body: Body) -> Layout:
-    """Lay a body out, frame by frame, so that every frame's columns are next to each other."""
+    """A body laid out frame by frame, so that every frame's columns are next to each other; done once per body."""
     blocks, column, owner = [], 0, []
     spheres, around = [np.zeros(0, dtype=int)] * len(body.parts), np.zeros(len(body.parts), dtype=int)
     for frame in sorted({part.frame for part in body.parts}):

@@ -21,7 +21,7 @@ from gap_motion.ik import cost
 from gap_motion.paths import velocity_limits
 
 RANGE = 2.0  # rad: the longest step a tree takes
-EDGES = 4000  # edges a query may check before it gives up
+EDGES = 2000  # edges a query may check before it gives up
 IMPROVE_EDGES = 400  # more, when the path found is to be improved
 _TURN = threading.Lock()
 

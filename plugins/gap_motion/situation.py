@@ -14,7 +14,7 @@ from gap_cli.contracts.types import Array, Se3Pose, WorldConfig
 from gap_motion.body import Body, make_body, with_attached
 from gap_motion.checker import MARGIN, Checker
 from gap_motion.kinematics import sphere_centers
-from gap_motion.obstacles import Scene, make_scene, with_spheres
+from gap_motion.obstacles import Scene, graspable, make_scene, with_spheres
 from gap_motion.requests import Cell
 
 ESCAPE = 0.012  # m: contacts no deeper than this at the start are left behind rather than refused
@@ -56,6 +56,11 @@ class Situation:
                 names = [f"arm:{other}:{s.link}" for s in arm.spec.spheres]
                 scene = with_spheres(scene, names, centers @ T[:3, :3].T + T[:3, 3], radii)
         return cls(cell, make_body(cell.chain, cell.arm.state().gripper.width), scene, margin)
+
+    def graspable(self, config: WorldConfig | None, grasps: Array) -> list[str]:
+        """The obstacles of this scene that any of the TCP poses (K, 4, 4) has between the open jaws."""
+        width = self.cell.spec.gripper.max_width
+        return [name for name in graspable(config, grasps, width) if name in self.scene.names]
 
     def checker(self, start: Array | None = None, *, reaching: bool = False, grasped: Collection[str] = ()) -> Checker:
         """A checker that lets the arm leave its contacts at `start` (n,), and the gripper touch what is `grasped`.

@@ -50,17 +50,19 @@ def time_path(path: Any, arm: Chain, limits: Limits | None = None, rate: Array |
     if length <= 0 or not np.isfinite(length):
         q = path(0.0) if np.isfinite(length) else path.c[-1, 0]
         return Trajectory(np.zeros(1), np.atleast_2d(q), np.zeros((1, arm.dof)))
-    grid = np.linspace(0.0, length, int(np.clip(30 * len(path.x), 120, 360)))
+    grid = np.linspace(0.0, length, int(np.clip(20 * len(path.x), 120, 300)))
     speed = _speeds(path, grid, arm, limits, rate)
     s, ds = _at_even_times(grid, speed)
     q, dq = path(s), path(s, 1) * ds[:, None]
     wide = int(np.ceil(max(SMOOTH, 2.2 * float((limits.acceleration / limits.jerk).max())) / FINE))
     for width in (wide, max(2, wide // 2)):
         q, dq = _average(q, width), _average(dq, width)
-    times = np.arange(len(q)) * FINE * _stretch(q, limits)
+    times = np.arange(len(q)) * FINE * _stretch(q, limits, arm)
     count = max(2, round(times[-1] / PERIOD) + 1)
     even = np.linspace(0.0, times[-1], count)
-    return Trajectory(even, *_hermite(times, q, dq * FINE / (times[1] - times[0]), even))
+    positions, velocities = _hermite(times, q, dq * FINE / (times[1] - times[0]), even)
+    positions[0], positions[-1] = path(0.0), path(length)  # to the last bit, which averaging loses
+    return Trajectory(even, positions, velocities)
 
 
 def point_to_point(arm: Chain, waypoints: Array, limits: Limits | None = None) -> Trajectory:
@@ -104,17 +106,13 @@ def _pass(ceiling: Array, d1: Array, d2: Array, a: Array, step: float) -> Array:
     (a - sign(d1) d2 x) / |d1|, taken at the end of the step so that both ends of a step are admissible.
     """
     size = np.maximum(np.abs(d1), 1e-9)
-    push = (2 * step * a / size).tolist()
-    bend = (2 * step * np.sign(d1) * d2 / size).tolist()
-    top = ceiling.tolist()
+    push, bend = 2 * step * a / size, 2 * step * np.sign(d1) * d2 / size
+    end = 1.0 / np.maximum(1.0 + bend[1:], 1e-9)
+    still = np.where(bend[1:] > -1.0, push[1:] * end, np.inf)  # bounds are still + x * gain, joint by joint
+    constant, gain = np.concatenate([push[:-1], still], axis=1), np.concatenate([1.0 - bend[:-1], end], axis=1)
     x, out = 0.0, [0.0]
-    for i in range(1, len(top)):
-        best = top[i]
-        for p0, b0, p1, b1 in zip(push[i - 1], bend[i - 1], push[i], bend[i], strict=True):
-            best = min(best, x + p0 - b0 * x)
-            if b1 > -1.0:
-                best = min(best, (x + p1) / (1.0 + b1))
-        x = max(best, 0.0)
+    for top, c, g in zip(ceiling[1:].tolist(), constant, gain, strict=True):
+        x = max(min(top, float((c + g * x).min())), 0.0)
         out.append(x)
     return np.array(out)
 
@@ -139,9 +137,11 @@ def _average(rows: Array, width: int) -> Array:
     return np.asarray((total[width:] - total[:-width]) / width)
 
 
-def _stretch(q: Array, limits: Limits) -> float:
+def _stretch(q: Array, limits: Limits, arm: Chain) -> float:
     """How much slower the sampled motion must run to be inside every limit; at least 1."""
-    worst = 1.0
+    tcp = arm.tcp_poses(q[::2])[:, :3, 3]
+    travel = np.linalg.norm(np.diff(tcp, axis=0), axis=1) / (2 * FINE)
+    worst = max(1.0, float(travel.max(initial=0.0)) / limits.tcp_speed)
     for order, bound in ((1, limits.velocity), (2, limits.acceleration), (3, limits.jerk)):
         if len(q) > order:
             ratio = float((np.abs(np.diff(q, order, axis=0)) / FINE**order / bound).max())
@@ -155,5 +155,5 @@ def _hermite(times: Array, q: Array, dq: Array, even: Array) -> tuple[Array, Arr
 
     curve = CubicHermiteSpline(times, q, dq)
     positions, velocities = curve(even), curve(even, 1)
-    positions[0], positions[-1], velocities[0], velocities[-1] = q[0], q[-1], 0.0, 0.0
+    velocities[0], velocities[-1] = 0.0, 0.0
     return positions, velocities

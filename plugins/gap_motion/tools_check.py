@@ -10,11 +10,9 @@ from gap_cli.contracts.types import WORLD, JointState, Se3Pose, Trajectory, Worl
 from gap_motion.checker import MARGIN, Checker
 from gap_motion.failures import joint_range
 from gap_motion.feasibility import assess
-from gap_motion.obstacles import containing
 from gap_motion.requests import joints_of, pose_list, positive, trajectory_of
 from gap_motion.situation import Situation
 
-TOUCH = 0.01  # m: an obstacle this near to a grasp's TCP is the one being grasped
 MOST_POSES = 1000
 
 
@@ -57,7 +55,7 @@ def batch_grasp_feasibility(
         raise BadRequestError("too_large", f"grasp_poses has {len(poses)} poses; at most {MOST_POSES} are taken.")
     situation = Situation.of(ctx, arm_id, world_config, collision_margin, ignore_obstacle_names or ())
     near = joints_of(start_state, situation.cell.spec, "start_state")
-    grasped = [n for n in containing(world_config, poses[:, :3, 3], TOUCH) if n in situation.scene.names]
+    grasped = situation.graspable(world_config, poses)
     reaching = situation.checker(reaching=True, grasped=grasped)
     offset = positive(approach_offset_m, "approach_offset_m")
     targets = situation.cell.last_frame(poses)

@@ -12,11 +12,9 @@ from gap_cli.contracts.types import WORLD, JointState, Se3Pose, Trajectory, Vec3
 from gap_motion.checker import MARGIN
 from gap_motion.free_motion import to_grasps, to_poses
 from gap_motion.ik import nearest
-from gap_motion.obstacles import containing
 from gap_motion.requests import Cell, finite, joints_of, pose_list, pose_matrix
 from gap_motion.situation import Situation
 
-TOUCH = 0.01  # m: an obstacle this near to a grasp's TCP is the one being grasped
 MOST_POSES = 1000
 
 
@@ -57,7 +55,7 @@ def plan_to_grasp_poses(
     """A collision-free timed motion to the cheapest reachable of several grasp poses of the TCP.
 
     The last `approach_distance` [m] run straight along the TCP's approach axis; there the gripper may touch the
-    obstacle that contains the grasp, which until then is avoided like the rest. Same request and seed, same motion.
+    obstacle that it grasps, which until then is avoided like the rest. Same request and seed, same motion.
     Raises `BadRequestError`, or `PlanningError` (`unreachable`, `limits`, `in_collision` with the pair, `no_path`);
     `success` is true whenever it returns.
     """
@@ -68,7 +66,7 @@ def plan_to_grasp_poses(
         raise BadRequestError("range", f"approach_distance must not be negative, got {approach_distance}.")
     situation = Situation.of(ctx, arm_id, world_config, collision_margin, ignore_obstacle_names or ())
     start = joints_of(start_joint_position, situation.cell.spec, "start_joint_position")
-    grasped = [n for n in containing(world_config, poses[:, :3, 3], TOUCH) if n in situation.scene.names]
+    grasped = situation.graspable(world_config, poses)
     targets = situation.cell.last_frame(poses)
     found = to_grasps(situation, start, targets, approach_distance, grasped, seed)
     return GraspPlan(True, found.trajectory, found.pose)

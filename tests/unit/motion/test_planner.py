@@ -1,0 +1,118 @@
+import numpy as np
+import pytest
+
+from gap_cli.contracts.failures import PlanningError
+from gap_motion.edges import Edges
+from gap_motion.free_motion import to_grasps, to_joints, to_poses
+from gap_motion.planner import plan, shortcut
+from gap_motion.problems import cage, free_space, groceries
+from gap_motion.verify import Judge
+
+
+@pytest.fixture(scope="module")
+def hard():
+    """A problem that needs a detour."""
+    made = {}
+
+    def of(spec):
+        if spec.name not in made:
+            made[spec.name] = next(
+                p for p in free_space(spec, 60, seed=3) if not Edges(p.checker).free(p.start, p.goals[0])
+            )
+        return made[spec.name]
+
+    return of
+
+
+def test_a_path_starts_at_the_start_ends_at_a_goal_and_is_free(spec, hard):
+    problem = hard(spec)
+    path = plan(problem.checker, problem.start, problem.goals, seed=1)
+    np.testing.assert_allclose(path.waypoints[0], problem.start)
+    np.testing.assert_allclose(path.waypoints[-1], problem.goals[path.goal])
+    assert len(path.waypoints) > 2 and Edges(problem.checker).path_free(path.waypoints)
+
+
+def test_same_seed_same_path_another_seed_another(spec, hard):
+    problem = hard(spec)
+    paths = [plan(problem.checker, problem.start, problem.goals, seed).waypoints for seed in (5, 5, 6)]
+    np.testing.assert_array_equal(paths[0], paths[1])
+    assert paths[0].shape != paths[2].shape or not np.allclose(paths[0], paths[2])
+
+
+def test_improving_does_not_make_it_longer(spec, hard):
+    problem = hard(spec)
+
+    def length(improve):
+        rows = plan(problem.checker, problem.start, problem.goals, 2, improve).waypoints
+        return np.linalg.norm(np.diff(rows, axis=0), axis=1).sum()
+
+    assert length(True) <= 1.3 * length(False)
+
+
+def test_the_nearest_of_several_goals_is_taken(spec, hard):
+    problem = hard(spec)
+    near = problem.start + 0.05
+    goals = np.stack([problem.goals[0], near])
+    assert plan(problem.checker, problem.start, goals).goal == 1
+
+
+def test_the_cage_is_left_and_the_timed_motion_judged_clean(robot):
+    spec = robot("panda")
+    problem = cage(spec, np.random.default_rng(0))
+    found = to_joints(problem.checker, problem.start, problem.goals, 0)
+    assert Judge(spec, problem.shapes).judge(found.trajectory).clean
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_timed_motions_are_judged_clean_by_another_checker(spec, seed):
+    for problem in free_space(spec, 4, seed=seed + 20)[1:]:
+        found = to_joints(problem.checker, problem.start, problem.goals, 0)
+        verdict = Judge(spec, problem.shapes).judge(found.trajectory)
+        assert verdict.clean and verdict.step < 0.05, verdict
+
+
+def test_grasps_are_reached_straight_and_touch_only_the_target(spec):
+    problem = groceries(spec, 1, grasps=12)[0]
+    found = to_grasps(problem.situation, problem.start, problem.grasps, 0.08, [problem.target], 0)
+    cell = problem.situation.cell
+    end = cell.tcp(found.trajectory.positions)[-1]
+    np.testing.assert_allclose(end, cell.base @ problem.grasps[found.pose] @ cell.chain.tcp, atol=1e-3)
+    verdict = Judge(spec, problem.shapes).judge(found.trajectory)
+    assert all(problem.target in contact for contact in verdict.contacts)
+    assert max(verdict.velocity, verdict.acceleration, verdict.jerk, verdict.tcp_speed) <= 1.0
+
+
+def test_a_start_in_collision_names_the_pair(spec, hard):
+    problem = hard(spec)
+    rng = np.random.default_rng(0)
+    low, high = (np.array([getattr(x, k) for x in spec.limits]) for k in ("lower", "upper"))
+    q = rng.uniform(low, high, (200, spec.dof))
+    bad = q[~problem.checker.valid(q)][0]
+    with pytest.raises(PlanningError) as error:
+        plan(problem.checker, bad, problem.goals)
+    assert error.value.code == "in_collision" and len(error.value.detail["pair"]) == 2
+
+
+def test_shortcuts_keep_the_ends_and_shorten(spec, hard):
+    problem = hard(spec)
+    edges = Edges(problem.checker)
+    rows = plan(problem.checker, problem.start, problem.goals, 4).waypoints
+    detour = np.concatenate([rows[:1], (rows[:1] + rows[1:2]) / 2, rows[1:]])
+    short = shortcut(edges, detour, 0)
+    np.testing.assert_array_equal(short[[0, -1]], rows[[0, -1]])
+    assert len(short) <= len(detour) and edges.path_free(short)
+
+
+def test_poses_out_of_reach_are_told_from_poses_in_collision(spec):
+    problem = groceries(spec, 1)[0]
+    cell, situation = problem.situation.cell, problem.situation
+    far = np.tile(np.eye(4), (1, 1, 1))
+    far[0, :3, 3] = [3.0, 0.0, 0.3]
+    with pytest.raises(PlanningError) as error:
+        to_poses(situation, problem.start, cell.last_frame(far), 0)
+    assert error.value.code == "unreachable"
+    buried = cell.tcp(problem.start).copy()
+    buried[0, :3, 3] = [0.45, 0.0, -0.03]
+    with pytest.raises(PlanningError) as error:
+        to_poses(situation, problem.start, cell.last_frame(buried), 0)
+    assert error.value.code == "in_collision" and "shape_0" in error.value.detail["pair"]
