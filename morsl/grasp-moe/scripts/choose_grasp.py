@@ -60,20 +60,24 @@ def run(
             detail={"best": max([*sampled_scores, *swept_scores], default=0.0)},
         )
     pool = ordered(pool, near_best)
-    pairs = [(turned, score) for pose, score in pool for turned in (pose, exchanged(pose))]
+    pairs = [turned for pose, _ in pool for turned in (pose, exchanged(pose))]
     found = ctx.tool(
         "curobo.BatchGraspFeasibility",
         world_config=world,
         start_state=arm.joints,
-        grasp_poses=[pose for pose, _ in pairs],
+        grasp_poses=pairs,
         approach_offset_m=approach_offset,
         ignore_obstacle_names=["target"],
     )
     over = hover_height(ctx.robot(), arm.ee_pose, target_obb, surroundings.points, pass_over)
-    for (pose, score), feasible in zip(pairs, found.feasible, strict=True):
-        for hover in hovers(pose, over, approach_offset) if feasible else ():
-            if straight(ctx, hover, pose) and straight(ctx, pose, raised(pose, lift_height)):
-                return Choice(hover, pose, score)
+    for i, (_, score) in enumerate(pool):
+        either = [
+            pose for pose, ok in zip(pairs[2 * i : 2 * i + 2], found.feasible[2 * i : 2 * i + 2], strict=True) if ok
+        ]
+        for pose in sorted(either, key=lambda pose: from_home(ctx, pose)):
+            for hover in hovers(pose, over, approach_offset):
+                if straight(ctx, hover, pose) and straight(ctx, pose, raised(pose, lift_height)):
+                    return Choice(hover, pose, score)
     reached = sum(found.grasp_ik_ok)
     raise PlanningError(
         "blocked",
@@ -99,6 +103,15 @@ def ordered(pool: list[tuple[Se3Pose, float]], near_best: float) -> list[tuple[S
         return score < enough, round(lean / LEAN_STEP) if score >= enough else 0.0, -score
 
     return sorted(pool, key=key)
+
+
+def from_home(ctx: ScriptContext, pose: Se3Pose) -> float:
+    """Largest joint motion [rad] between home and the pose, so that the wrist does not wind up; inf out of reach."""
+    try:
+        solved = ctx.tool("pyroki.SolveIK", target_pose=pose)
+    except PlanningError:
+        return np.inf
+    return float(np.abs(solved.joint_config.positions - np.array(ctx.robot().home)).max())
 
 
 def straight(ctx: ScriptContext, start: Se3Pose, end: Se3Pose) -> bool:
