@@ -67,14 +67,14 @@ def start_streaming(services: Services, attempt: Attempt, on_error: Callable[[At
     ).start()
 
 
-def stop_streaming(services: Services, frame: Frame, *, ending_s: float = ENDING_S) -> list[Attempt]:
+def stop_streaming(services: Services, frame: Frame) -> list[Attempt]:
     """Tell the frame's streaming nodes to stop, wait a little, give up on the rest; what each held is free again."""
     streamers, frame.streamers = frame.streamers, []
     for attempt in streamers:
         attempt.cancel("the subgraph has ended")
     for stream in frame.streams.values():
         stream.close()
-    limit = monotonic() + ending_s
+    limit = monotonic() + ENDING_S
     for attempt in streamers:
         attempt.finished.wait(max(0.0, limit - monotonic()))
         attempt.abandon(services.settling)

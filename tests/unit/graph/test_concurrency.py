@@ -310,7 +310,15 @@ def test_c7_a_stuck_node_costs_one_thread_not_the_pool():
     pool = Pool(max_threads=2)
     nodes = {f"n{i}": {"type": "tool", "tool": "fake.Stuck", "deadline_s": 0.05, "inputs": {"n": i}} for i in range(4)}
     assert run_fake(fan(**nodes), stuck, pool=pool, **SOON).status == "failure"
-    done = run_fake(fan(a=node("Count"), b=node("Count"), c=node("Count")), pool=pool)
+    gate = threading.Barrier(2)
+
+    @tool("fake.Meet")
+    def meet() -> None:
+        """Needs another thread to go on."""
+        gate.wait(5)
+
+    together = {"type": "tool", "tool": "fake.Meet"}
+    done = run_fake(fan(a=together, b=together), meet, pool=pool)
     release.set()
     assert done.status == "success"
 
@@ -432,6 +440,53 @@ def test_c9_a_stream_that_breaks_fails_its_subgraph_and_cancels_what_runs():
     w = beside({"type": "tool", "tool": "fake.Broken", "streaming": True}, c=node("Spin"))
     result = run_fake(w, broken)
     assert result.failed_node == "main/s" and "lost" in result.error
+
+
+def test_c9_a_stream_that_breaks_later_cancels_what_runs_then():
+    running = threading.Event()
+
+    @tool("fake.Breaks", streaming=True)
+    def breaks(ctx: ToolContext) -> int:
+        """Breaks once its reader works."""
+        running.wait(5)
+        raise ToolError("lost", "the target is lost")
+
+    @tool("fake.Works")
+    def works(ctx: ToolContext) -> None:
+        """Works until it is told to stop."""
+        running.set()
+        while True:
+            ctx.raise_if_cancelled()
+            time.sleep(0.001)
+
+    w = beside({"type": "tool", "tool": "fake.Breaks", "streaming": True}, c={"type": "tool", "tool": "fake.Works"})
+    result = run_fake(w, breaks, works)
+    assert [path for path, _ in result.failures] == ["main/s"]
+
+
+def test_c9_a_stream_deaf_to_its_end_is_left_behind_and_can_do_nothing_more(monkeypatch):
+    monkeypatch.setattr("gap_cli.graph.streaming.ENDING_S", 0.05)
+    release, outcome = threading.Event(), []
+
+    @tool("fake.Deaf", streaming=True, effect="sense")
+    def deaf(ctx: ToolContext) -> int:
+        """Publishes, goes deaf, and wants to look and publish again much later."""
+        yield 1
+        release.wait(30)
+        try:
+            ctx.world.observe()
+        except CancelledError as error:
+            outcome.append(error)
+        yield 2
+        outcome.append("went on")
+
+    w = beside({"type": "tool", "tool": "fake.Deaf", "streaming": True}, c=node("Echo", value={"$ref": "s"}))
+    result, seen = watched(w, deaf, world=FakeWorld())
+    thread = next(t for t in threading.enumerate() if t.name == "gap-main/s")
+    release.set()
+    thread.join(5)
+    assert result.status == "success" and [type(o) for o in outcome] == [CancelledError]
+    assert [e.kind for e in seen if e.path == "main/s"] == ["node_started", "node_cancelled"]
 
 
 def test_c9_a_consumer_that_dies_takes_the_stream_with_it():

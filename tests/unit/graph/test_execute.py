@@ -80,6 +80,9 @@ def test_commits_are_sorted_whatever_the_order_of_declaration():
     nodes = {n: "fake.Nothing" for n in ["zebra", "apple", "mango"]}
     edges = [("START", n) for n in nodes] + [(n, "done") for n in nodes]
     assert trace(fake_workflow(nodes, edges))[1] == ["apple", "mango", "zebra", "done"]
+    two = dict.fromkeys("abyz", "fake.Nothing")
+    edges = [("START", "a"), ("START", "b"), ("a", "z"), ("b", "y"), ("y", "done"), ("z", "done")]
+    assert trace(fake_workflow(two, edges))[1] == ["a", "b", "y", "z", "done"]
 
 
 def test_a_value_that_leads_nowhere_is_a_failure_that_lists_where_it_could_lead():
