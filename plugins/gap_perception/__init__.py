@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from gap_cli.contracts.bench import BenchReport, Progress
 from gap_cli.hookspecs import Register, hookimpl
 
 
@@ -26,3 +27,15 @@ def _learn_models(ctx: Any) -> None:
     from gap_perception.scene.analyse import vocabulary_of
 
     vocabulary_of(ctx)
+
+
+@hookimpl
+def gap_register_benchmarks(register: Register) -> None:
+    register("perception", _perception)
+
+
+def _perception(progress: Progress) -> BenchReport:
+    """Detection, masks and boxes on random cluttered scenes, by sensor, clutter and object."""
+    from gap_perception.bench_run import run
+
+    return run(progress)
