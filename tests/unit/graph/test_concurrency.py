@@ -771,7 +771,15 @@ def test_c18_graphs_side_by_side_in_one_process_do_not_know_of_each_other():
 
 
 def _in_child(queue):
-    queue.put(run_fake(fan(a=node("Count"), b=node("Count"))).status)
+    gate = threading.Barrier(2)
+
+    @tool("fake.Meet")
+    def meet() -> None:
+        """Needs a second thread, which did not come along from the parent."""
+        gate.wait(5)
+
+    together = {"type": "tool", "tool": "fake.Meet"}
+    queue.put(run_fake(fan(a=together, b=together), meet).status)
 
 
 def test_c19_a_process_forked_after_threads_ran_can_run_graphs():
