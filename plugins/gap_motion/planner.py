@@ -36,7 +36,13 @@ class Path:
 
 
 def plan(
-    checker: Checker, start: Array, goals: Array, seed: int = 0, improve: bool = False, step: float = STEP
+    checker: Checker,
+    start: Array,
+    goals: Array,
+    seed: int = 0,
+    improve: bool = False,
+    step: float = STEP,
+    simplify: bool = True,
 ) -> Path:
     """A short free path from start (n,) to the cheapest reachable one of goals (G, n).
 
@@ -56,7 +62,7 @@ def plan(
     with _TURN:
         rows = _search(edges, start, goals[valid], seed, improve)
     end = int(valid[int(np.argmin(np.abs(goals[valid] - rows[-1]).max(axis=1)))])
-    return Path(shortcut(edges, rows, seed), end, edges.count)
+    return Path(shortcut(edges, rows, seed) if simplify else rows, end, edges.count)
 
 
 def refuse_contact(checker: Checker, q: Array, what: str) -> None:

@@ -1,0 +1,100 @@
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from gap_cli.contracts.failures import BadRequestError, MotionError, PlanningError
+from gap_cli.contracts.types import JointState, Quaternion, Se3Pose, Vec3
+from gap_motion.requests import Cell
+from gap_motion.timing import Limits, point_to_point
+from gap_motion.together import in_step
+from tests.unit.motion.conftest import IdealArm
+
+OPPOSITE = Se3Pose(Vec3(0.9, 0.1, 0.0), Quaternion(0.2955202066613396, 0.0, 0.0, -0.9553364891256060))
+
+
+@pytest.fixture
+def pair(cell, spec):
+    """Two arms facing each other, in a world that moves them together."""
+    arms = [cell.arm, IdealArm(spec, OPPOSITE)]
+    moved = []
+
+    def execute(motions, *, tolerance=0.01):
+        moved.append(motions)
+        for arm_id, motion in motions.items():
+            arms[arm_id].execute(motion)
+
+    cell.context.world = SimpleNamespace(arms=arms, execute=execute)
+    cell.context.task.robots = [SimpleNamespace(home=None)] * 2
+    return SimpleNamespace(arms=arms, moved=moved, call=cell.call, context=cell.context)
+
+
+def test_motions_in_step_end_together_inside_the_limits(spec, arm):
+    home = np.array(spec.home)
+    short, long = (point_to_point(arm, np.stack([home, home + d])) for d in (0.1, 0.6))
+    a, b = in_step([short, long])
+    np.testing.assert_array_equal(a.times, b.times)
+    np.testing.assert_allclose(a.positions[[0, -1]], short.positions[[0, -1]], atol=1e-9)
+    limits = Limits.of(spec, 1.0)
+    assert (np.abs(a.velocities) <= limits.velocity).all() and (np.abs(b.velocities) <= limits.velocity).all()
+
+
+def test_both_arms_get_one_command(pair, spec):
+    goals = [JointState(np.array(spec.home) + d) for d in (0.1, -0.1)]
+    pair.call("robot_control.MoveToJointsBoth", joints_arm0=goals[0], joints_arm1=goals[1])
+    assert len(pair.moved) == 1 and set(pair.moved[0]) == {0, 1}
+    for arm, goal in zip(pair.arms, goals, strict=True):
+        np.testing.assert_allclose(arm.q, goal.positions)
+
+
+def test_one_arm_of_two_is_named(pair):
+    goal = pair.call("robot_control.GetEEPose", arm_id=1).pose
+    goal = Se3Pose(Vec3(goal.position.x, goal.position.y, goal.position.z - 0.1), goal.rotation)
+    pair.call("robot_control.GoToPoseArm", arm_id=1, pose=goal)
+    assert pair.arms[0].executed == [] and len(pair.arms[1].executed) == 1
+    np.testing.assert_allclose(pair.arms[1].state().ee_pose.matrix, goal.matrix, atol=1e-3)
+
+
+def test_arms_that_would_meet_are_refused(pair):
+    ends = [Cell(arm).tcp(arm.q)[0][:3, 3] for arm in pair.arms]
+    middle = Vec3.of((ends[0] + ends[1]) / 2)
+    rotation = pair.arms[0].state().ee_pose.rotation
+    with pytest.raises((MotionError, PlanningError)) as error:
+        pose = Se3Pose(middle, rotation)
+        pair.call("robot_control.GoToPoseBoth", pose_arm0=pose, pose_arm1=pose)
+    assert error.value.code in {"refused", "unreachable", "limits"} and pair.moved == []
+
+
+def test_a_world_that_moves_one_arm_at_a_time_says_so(pair, spec):
+    pair.context.world = SimpleNamespace(arms=pair.arms)
+    home = JointState(np.array(spec.home))
+    with pytest.raises(MotionError) as error:
+        pair.call("robot_control.MoveToJointsBoth", joints_arm0=home, joints_arm1=home)
+    assert error.value.code == "unsupported"
+
+
+def test_a_policy_action_moves_by_its_share_of_the_scale(cell):
+    before = cell.call("robot_control.GetEEPose").pose
+    cell.call("robot_control.ApplyPolicyAction", action=[0.0, 0.0, -1.0, 0.0, 0.0, 0.5, -1.0])
+    after = cell.call("robot_control.GetEEPose").pose
+    np.testing.assert_allclose(after.position.array - before.position.array, [0, 0, -0.05], atol=1e-3)
+    turned = (after.rotation.rotation * before.rotation.rotation.inv()).as_rotvec()
+    np.testing.assert_allclose(turned, [0, 0, 0.25], atol=1e-3)
+    assert cell.arm.width == cell.arm.spec.gripper.max_width
+
+
+def test_the_jaws_move_only_when_the_policy_changes_its_mind(cell, monkeypatch):
+    calls = []
+    monkeypatch.setattr(cell.arm, "set_gripper", lambda width, **_: calls.append(width))
+    for grip in (1.0, 1.0, 0.0, -1.0):
+        cell.call("robot_control.ApplyPolicyAction", action=[0, 0, 0, 0, 0, 0, grip])
+    assert calls == [0.0, cell.arm.spec.gripper.max_width]
+
+
+@pytest.mark.parametrize(
+    ("code", "action"), [("shape", [0.0] * 6), ("range", [1.5, *[0.0] * 6]), ("not_finite", [float("nan"), *[0.0] * 6])]
+)
+def test_actions_outside_the_contract_are_refused(cell, code, action):
+    with pytest.raises(BadRequestError) as error:
+        cell.call("robot_control.ApplyPolicyAction", action=action)
+    assert error.value.code == code and cell.arm.executed == []
