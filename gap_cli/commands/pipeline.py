@@ -70,16 +70,17 @@ def validate_run(run: Run) -> list[Finding]:
     started = time.monotonic()
     with run.held():
         file = product(run, "generate")
-        findings = _findings(file, Inventory.of(run.asked))
+        findings = _findings(file, run.folder("plan") / "spec.py", Inventory.of(run.asked))
         content = {"schema": FINDINGS, "workflow": digest(file), "findings": [f.as_dict() for f in findings]}
         write_stage(run, "validate", {"findings.json": json_text(content)})
         note(run, "validate", started)
     return findings
 
 
-def _findings(file: Path, inventory: Inventory) -> list[Finding]:
+def _findings(file: Path, spec: Path, inventory: Inventory) -> list[Finding]:
     from gap_cli.graph.catalog import read_catalog
     from gap_cli.graph.load import load_workflow
+    from gap_cli.graph.source import folder_lines
     from gap_cli.graph.validate import validate
 
     try:
@@ -91,4 +92,4 @@ def _findings(file: Path, inventory: Inventory) -> list[Finding]:
     catalog = read_catalog(
         workflow, file.parent, inventory.tools, inventory.library.contracts, names, joints=task.joints
     )
-    return validate(workflow, catalog)
+    return validate(workflow, catalog, lines=folder_lines(workflow, file.parent / "subgraphs", spec))

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from itertools import groupby
+from typing import TYPE_CHECKING
+
 import typer
 
 from gap_cli.commands.common import RUNS, AsJson, Root, RunName, print_done, print_json, print_table, spelled
+
+if TYPE_CHECKING:
+    from gap_cli.graph.findings import Finding
 
 
 def validate(run: RunName = None, root: Root = RUNS, json: AsJson = False) -> None:
@@ -19,10 +25,23 @@ def validate(run: RunName = None, root: Root = RUNS, json: AsJson = False) -> No
         print_json({"run": opened.name, "valid": not errors, "findings": [f.as_dict() for f in findings]})
     else:
         if findings:
-            rows = [(f.severity, f.code, f.path, f.message, f.hint) for f in findings]
-            print_table("", ("", "rule", "where", "what", "do"), rows)
+            for place, group in groupby(findings, key=place_of):
+                rows = [(f.severity, f.code, within(f), str(f.line or ""), f.message, f.hint) for f in group]
+                print_table(place, ("", "rule", "where", "line", "what", "do"), rows)
         verdict = f"{opened.name}: {len(errors)} errors, {len(findings) - len(errors)} notes"
         step = f"gap rehearse {spelled(opened)}" if not errors else "mend the graph, then gap validate again"
         print_done(opened, "validate", [verdict], next_step=step)
     if errors:
         raise typer.Exit(1)
+
+
+def place_of(finding: Finding) -> str:
+    """The subgraph a finding is about, by its path; the workflow itself otherwise."""
+    first, _, rest = finding.path.partition(".")
+    return f"subgraph {rest.partition('.')[0]}" if first == "subgraphs" and rest else "workflow"
+
+
+def within(finding: Finding) -> str:
+    """Where in that subgraph, or in the workflow."""
+    parts = finding.path.split(".", 2)
+    return parts[2] if len(parts) == 3 and parts[0] == "subgraphs" else finding.path
