@@ -56,7 +56,7 @@ def report(rows: list[Row]) -> BenchReport:
         for value, summary in by(clean, key).items():
             table.append(_line(f"{SENSORS[0].name}, {value.replace('_', ' ')}", summary, clean, key, value))
     notes = [
-        "Every object of the task is searched for in every scene, in it or not. Wrong: a box of another object or none.",
+        "Every object of the task is searched for in every scene, in it or not. Wrong: a box of another or of none.",
         "Recall counts objects with 100 pixels or more in view; errors are of right boxes, by the simulator's truth.",
         "Sparse: 4 objects, 30 mm apart or more; usual: 7, 10 mm; dense: 10, 2 mm; standing, any yaw; and a basket.",
         f"Seeds from {HELD_OUT} on, used for nothing else. Time: processor time of the first search in a scene, two",
