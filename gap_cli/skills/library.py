@@ -57,9 +57,10 @@ class SkillLibrary(Mapping[str, SkillBundle]):
         """The script paths of a workflow that are canonical scripts of its skills, with the trusted file of each.
 
         A node of subgraph `<sg>` built from a skill uses its canonical script as `scripts/<sg>/<file name>`. With
-        `folder`, a script whose text there was edited is no longer canonical and is left out.
+        `folder`, a script whose text there was edited is no longer canonical and is left out. Atomic skills the
+        workflow may call are in it by their names, each with its script `run`.
         """
-        found: dict[str, Path] = {}
+        found = self._atomic(workflow)
         for name, definition in workflow.subgraphs.items():
             bundle = self.get(definition.skill)
             for node in definition.nodes.values() if bundle else ():
@@ -67,6 +68,14 @@ class SkillLibrary(Mapping[str, SkillBundle]):
                 if source and node.script and (folder is None or _same(source, folder / node.script)):
                     found[node.script] = source
         return found
+
+    def _atomic(self, workflow: Workflow) -> dict[str, Path]:
+        """Atomic skills named by a node or by the contract of a skill in use, which call them like tools."""
+        definitions = workflow.subgraphs.values()
+        called = {node.tool for d in definitions for node in d.nodes.values() if node.tool}
+        called |= {t for d in definitions if (b := self.get(d.skill)) for t in b.contract.tools}
+        bundles = [self[name] for name in sorted(called) if name in self]
+        return {b.name: b.scripts["run"] for b in bundles if b.contract.kind == "atomic" and "run" in b.scripts}
 
 
 def load_library(paths: Iterable[tuple[Path, str]]) -> SkillLibrary:

@@ -20,6 +20,8 @@ LIBRARY = load_library(REGISTRY.skill_paths)
 TOOLS = {name: tool.spec for name, tool in REGISTRY.tools.items()}
 SECTIONS = ["When to use", "When not to use", "Recommended node flow", "Hard rules", "Exits", "See also"]
 every_skill = pytest.mark.parametrize("name", list(LIBRARY))
+every_composite = pytest.mark.parametrize("name", [n for n, b in LIBRARY.items() if b.contract.kind == "composite"])
+every_atomic = pytest.mark.parametrize("name", [n for n, b in LIBRARY.items() if b.contract.kind == "atomic"])
 
 
 @every_skill
@@ -51,7 +53,7 @@ def test_contract_names_every_file_of_the_skill(name):
     assert there == set(bundle.files)
 
 
-@every_skill
+@every_composite
 def test_script_inputs_are_parameters_or_wired(name):
     """A parameter and the script input of its name agree, and every parameter reaches a node."""
     bundle = LIBRARY[name]
@@ -64,11 +66,25 @@ def test_script_inputs_are_parameters_or_wired(name):
                     assert (read.type.name, read.default) == (given.type, given.default)
 
 
-@every_skill
+@every_composite
 def test_checkpoints_parse_and_promise_something(name):
     made = draft_alone(LIBRARY[name], TOOLS)
     points = parse_checkpoints(made.checkpoints["sample"], name)
     assert any(p.validate and p.rationale for p in points)
+
+
+@every_atomic
+def test_an_atomic_skill_is_its_script(name):
+    contract = LIBRARY[name].contract
+    spec = read_signature(LIBRARY[name].scripts["run"].read_text(), name)
+    given = {**contract.inputs, **contract.literals, **{n: p.type for n, p in contract.parameters.items()}}
+    assert {p.name: str(p.type) for p in spec.inputs} == given
+    assert {n: str(t) for n, t in spec.fields.items()} == contract.outputs
+    assert {p.name: p.default for p in spec.inputs if not p.required} == {
+        n: p.default for n, p in contract.parameters.items()
+    }
+    assert spec.publishes == contract.streaming
+    assert set(spec.tools) == set(contract.tools)
 
 
 @every_skill
@@ -89,6 +105,15 @@ def test_no_skill_knows_one_robot():
 
 CATALOGUE = {
     "perception-single": (
+        {},
+        {"<name>_obb": "OrientedBoundingBox", "<name>_mask": "Mask", "<name>_cloud": "PointCloud"},
+    ),
+    "perception-multi": ({}, {"<name>_obb": "OrientedBoundingBox", "<name>_mask": "Mask"}),
+    "perception-any": (
+        {},
+        {"<name>_obb": "OrientedBoundingBox", "<name>_mask": "Mask", "<name>_cloud": "PointCloud"},
+    ),
+    "perception-subpart": (
         {},
         {"<name>_obb": "OrientedBoundingBox", "<name>_mask": "Mask", "<name>_cloud": "PointCloud"},
     ),
