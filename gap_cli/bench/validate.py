@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from gap_cli.bench.timing import time_in_turns
 from gap_cli.contracts.bench import BenchReport, Progress
-from gap_cli.graph.catalog import Catalog
-from gap_cli.graph.compile import compile_workflow
 from gap_cli.graph.dump import dump_workflow
 from gap_cli.graph.load import parse_workflow
 from gap_cli.graph.model import Workflow
 from gap_cli.graph.render.drawing import drawing
 from gap_cli.graph.validate import validate
-from gap_cli.testing import fake_skill, fake_tools, fake_workflow
+from gap_cli.testing import compile_fake, fake_workflow, make_catalog
 
 NODES = 200
 WIDTH = 4  # branches side by side between two joins
@@ -20,21 +18,18 @@ GOAL_MS = 20.0
 
 def run(progress: Progress) -> BenchReport:
     """Milliseconds per graph."""
-    workflow, tools, skills = _workflow(), fake_tools(), {"fake": fake_skill()}
-    specs = {name: tool.spec for name, tool in tools.items()}
+    workflow, catalog = _workflow(), make_catalog()
     data = dump_workflow(workflow)
-    from pathlib import Path
-
     timings = time_in_turns(
         {
             "parse": lambda: parse_workflow(data, "bench"),
-            "validate": lambda: validate(workflow, Catalog(specs, skills)),
-            "compile": lambda: compile_workflow(workflow, Path(), tools, skills, {}),
+            "validate": lambda: validate(workflow, catalog),
+            "compile": lambda: compile_fake(workflow),
             "draw": lambda: drawing(workflow),
         },
         progress,
     )
-    findings = [f for f in validate(workflow, Catalog(specs, skills)) if f.severity == "error"]
+    findings = [f for f in validate(workflow, catalog) if f.severity == "error"]
     rows = tuple((name, *(round(1e3 * s, 2) for s in (t.median, t.best, t.p90))) for name, t in timings.items())
     return BenchReport(
         f"A graph of {NODES} nodes, {WIDTH} branches wide [ms]",

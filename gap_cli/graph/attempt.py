@@ -74,7 +74,7 @@ class Attempt:
         if self.cancelled == DEADLINE:
             raise deadline_error(self)
         if self.cancelled or self.state is ABANDONED:
-            raise CancelledError(f"{self.node.path} was told to stop: {self.cancelled}.")
+            raise CancelledError(f"{self.node.path} was told to stop: {self.cancelled.rstrip('.')}.")
         if monotonic() > self.deadline:
             if not self.tool:  # the node's own time is up; that of a tool it calls is for the node to deal with
                 self.cancel(DEADLINE)

@@ -1,6 +1,6 @@
 """Shipped fakes: a world without physics, an arm without motors and a handful of tools, so that graphs run anywhere."""
 
-from gap_cli.testing.graphs import compile_fake, fake_skill, fake_tools, fake_workflow, run_fake
+from gap_cli.testing.graphs import compile_fake, fake_skill, fake_tools, fake_workflow, make_catalog, run_fake
 from gap_cli.testing.tools import FAKE_TOOLS, Sum
 from gap_cli.testing.world import FAKE_ROBOT, FakeArm, FakeWorld
 
@@ -14,5 +14,6 @@ __all__ = [
     "fake_skill",
     "fake_tools",
     "fake_workflow",
+    "make_catalog",
     "run_fake",
 ]

@@ -8,11 +8,13 @@ from typing import Any
 
 from gap_cli.contracts.skill import Exits, SkillContract
 from gap_cli.contracts.tool import Tool
+from gap_cli.graph.catalog import Catalog
 from gap_cli.graph.compile import compile_workflow
 from gap_cli.graph.compiled import CompiledGraph
 from gap_cli.graph.events import Observer
 from gap_cli.graph.execute import RunResult, RunSetup, run_graph
 from gap_cli.graph.model import Workflow
+from gap_cli.graph.scripts import ScriptSpec
 from gap_cli.testing.tools import FAKE_TOOLS
 
 
@@ -31,6 +33,12 @@ def fake_skill(more: Sequence[str] = (), **changes: Any) -> SkillContract:
         "exits": Exits(success={"done": "done"}, failure="failed"),
     }
     return SkillContract(**{**contract, **changes})
+
+
+def make_catalog(*more: Tool, scripts: Mapping[str, ScriptSpec] | None = None, **skill: Any) -> Catalog:
+    """What the validator judges such a workflow against: the fake tools, `more`, and the skill `fake`."""
+    specs = {name: tool.spec for name, tool in fake_tools(*more).items()}
+    return Catalog(specs, {"fake": fake_skill([t.spec.name for t in more], **skill)}, scripts or {})
 
 
 def compile_fake(

@@ -12,12 +12,11 @@ from hypothesis import strategies as st
 from gap_cli.contracts.failures import ToolError
 from gap_cli.contracts.tool import ToolContext, tool
 from gap_cli.contracts.types import Observation
-from gap_cli.graph.catalog import Catalog
 from gap_cli.graph.execute import RunSetup, run_graph
 from gap_cli.graph.pool import Pool
 from gap_cli.graph.scripts import read_signature
 from gap_cli.graph.validate import validate
-from gap_cli.testing import FakeWorld, Sum, compile_fake, fake_skill, fake_tools, fake_workflow
+from gap_cli.testing import FakeWorld, Sum, compile_fake, fake_workflow, make_catalog
 
 GRAPHS, SCHEDULES = 40, 25  # 1000 runs
 JITTER = random.Random()  # on purpose not seeded: real timing differs, the result must not
@@ -172,10 +171,8 @@ def outcome(graph, schedule):
 def test_random_graphs_validate_and_give_one_result_under_a_thousand_schedules(tmp_path_factory, seed):
     made = Graph(seed)
     workflow = made.workflow()
-    tools = fake_tools(mix, tick, see)
-    skill = fake_skill([mix.spec.name, tick.spec.name, see.spec.name])
     scripts = {path: read_signature(text, path) for path, text in made.scripts.items()}
-    catalog = Catalog({n: t.spec for n, t in tools.items()}, {"fake": skill}, scripts)
+    catalog = make_catalog(mix, tick, see, scripts=scripts)
     findings = [f for f in validate(workflow, catalog) if f.severity == "error"]
     assert findings == [], findings[:3]
     folder = tmp_path_factory.mktemp("graph")
