@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Any, NamedTuple
 
-from gap_cli.contracts.failures import BadRequestError, CancelledError
+from gap_cli.contracts.failures import BadRequestError
 from gap_cli.contracts.types import Array, Image
 from gap_hf.loading import Network, network
 from gap_hf.pixels import HALVES, Square, to_array, to_image
@@ -69,7 +69,7 @@ def follow(track: Track, image: Image) -> Seen:
         raise BadRequestError("shape", f"The tracker follows {width}x{height} frames; this one is {columns}x{rows}.")
     with track.lock:
         if track.session is None:
-            raise CancelledError("The tracker was closed while a frame was waiting.")
+            raise BadRequestError("unknown_tracker", "The tracker was closed while this frame was waiting.")
         return _step(load(), track, image)
 
 

@@ -84,7 +84,7 @@ def _load(
         model, found = getattr(library(), architecture).from_pretrained(
             where, **local, dtype=place.dtype if cast else torch.float32, output_loading_info=True
         )
-        lost = sorted(found["missing_keys"]) + sorted(str(k) for k in found["mismatched_keys"])
+        lost = _without_twins(model, set(found["missing_keys"])) + sorted(str(k) for k in found["mismatched_keys"])
         if lost:  # transformers would go on with random numbers in their place
             raise _wrong(service, where, f"lacks {len(lost)} tensors of {architecture}, such as {lost[0]}")
         if isinstance(prepare, str):
@@ -94,6 +94,18 @@ def _load(
         model = model.to(place.device).eval()
     keep_exact(model)
     return Network(model, processor, place)
+
+
+def _without_twins(model: Any, missing: set[str]) -> list[str]:
+    """Missing tensors that cannot be had from a twin: SAM's two copies of one random projection of coordinates."""
+    twins = [name for name, _ in model.named_buffers() if name.endswith(".positional_embedding")]
+    given = [name for name in twins if name not in missing]
+    if given and missing & set(twins):
+        matrix = model.get_buffer(given[0])
+        for name in missing & set(twins):
+            model.get_buffer(name).copy_(matrix)
+        missing = missing - set(twins)
+    return sorted(missing)
 
 
 def _wrong(service: str, where: str, problem: str) -> ToolError:

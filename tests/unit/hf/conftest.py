@@ -9,9 +9,6 @@ os.environ.setdefault("HF_HUB_OFFLINE", "1")  # before any test imports the hub'
 from types import SimpleNamespace
 
 import pytest
-
-pytest.importorskip("transformers")
-
 import torch
 
 from gap_hf import loading

@@ -75,6 +75,19 @@ def test_a_missing_tensor_is_refused_not_made_up(checkpoints, monkeypatch, tmp_p
         load_sam2()
 
 
+def test_one_copy_of_sams_coordinate_matrix_is_enough(checkpoints, monkeypatch, tmp_path):
+    """Older releases kept one tensor for the two places that use it."""
+    folder = tmp_path / "older"
+    shutil.copytree(checkpoints("sam2"), folder)
+    tensors = load_file(folder / "model.safetensors")
+    del tensors["prompt_encoder.shared_embedding.positional_embedding"]
+    save_file(tensors, folder / "model.safetensors", metadata={"format": "pt"})
+    monkeypatch.setenv("GAP_HF_SAM2", str(folder))
+    model = load_sam2().model
+    kept = tensors["shared_image_embedding.positional_embedding"]
+    assert (model.prompt_encoder.shared_embedding.positional_embedding.cpu() == kept).all()
+
+
 def test_a_broken_file(checkpoints, monkeypatch, tmp_path):
     broken = tmp_path / "broken"
     shutil.copytree(checkpoints("sam2"), broken)
