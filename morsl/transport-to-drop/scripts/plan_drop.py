@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -17,13 +17,19 @@ CORNERS = ((1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0))  # in the contain
 SAME_HEIGHT = 0.02  # m: heights of the content closer than this are equal, so that noise does not move the drop
 
 
+Mode = Literal["free_space", "collision_aware"]
+MODES: dict[str, Mode] = {"free_space": "free_space", "collision_aware": "collision_aware"}
+
+
 class DropPlan(NamedTuple):
-    """Poses T_world_tcp: straight above the grasp, over the container, where to let go, clear of the object again."""
+    """Poses T_world_tcp: straight above the grasp, over the container, where to let go, clear of the object again; and
+    how to get over the container, which the graph branches on."""
 
     lift_pose: Annotated[Se3Pose, WORLD]
     carry_pose: Annotated[Se3Pose, WORLD]
     release_pose: Annotated[Se3Pose, WORLD]
     rise_pose: Annotated[Se3Pose, WORLD]
+    mode: Mode
 
 
 class Spot(NamedTuple):
@@ -42,6 +48,7 @@ def run(
     world: WorldConfig,
     nth: int = 0,
     total: int = 1,
+    mode: str = "free_space",
     clearance: float = 0.04,
     rim_clearance: float = 0.012,
     rim_width: float = 0.028,
@@ -74,7 +81,10 @@ def run(
         lift = pose(start.position.array[:2], max(carry_z, start.position.z), start.rotation.rotation)
         if all(in_reach(ctx, p) for p in (lift, carry, release)):
             between = max(0.0, float(corners[:, 2].max()) + low)  # how much of the object the fingertips reach past
-            return DropPlan(lift, carry, release, pose(xy, min(carry_z, release_z + between + clearance), turned))
+            rise = pose(xy, min(carry_z, release_z + between + clearance), turned)
+            return DropPlan(
+                lift, carry, release, rise, "collision_aware" if mode == "collision_aware" else "free_space"
+            )
     at = container_obb.center
     raise PlanningError("unreachable", f"No pose over the container at ({at.x:.2f}, {at.y:.2f}) m is in reach.")
 

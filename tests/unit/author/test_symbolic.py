@@ -66,7 +66,8 @@ def test_another_object_container_and_phrasing_give_the_right_graph(task, senten
     plan = author.plan(task, sentence, LIBRARY, TOOLS)
     workflow = author.generate(plan, task, LIBRARY, TOOLS).workflow
     assert plan.data["goals"] == [{"fact": f"in({target}, {container})", "target": target, "container": container}]
-    texts = {node.inputs.get("object_name") for d in workflow.subgraphs.values() for node in d.nodes.values()}
+    looks = [d for d in workflow.subgraphs.values() if d.stage == "perceive"]
+    texts = {node.inputs.get("object_name") for d in looks for node in d.nodes.values()}
     assert texts - {None} == {task.objects[target].label, task.objects[container].label}
 
 
