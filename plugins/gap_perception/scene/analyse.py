@@ -19,7 +19,7 @@ from gap_perception.scene.explain import Instance, explain
 from gap_perception.scene.library import Appearance, build_library
 from gap_perception.scene.measured import EXACT, Measured, reach_of
 from gap_perception.scene.points import CameraPoints, lift
-from gap_perception.scene.selfmask import on_robot, robot_model, solids_of
+from gap_perception.scene.selfmask import MARGIN, on_robot, robot_model, solids_of
 from gap_perception.scene.visibility import depth_view
 from gap_perception.vocabulary import Vocabulary, build_vocabulary
 
@@ -102,11 +102,10 @@ def _analyse(ctx: ToolContext, scene: Scene) -> Analysis:
     cameras = scene.observation.cameras
     lifted = [lift(camera, ctx.task.environment) for camera in cameras]
     voxels = voxelise(np.concatenate([p.xyz for p in lifted]))
-    keep = ~_on_any_robot(ctx, ctx.task, scene.observation.arm_states, voxels.centers)
     measured = _measure(lifted, voxels)
-    ctx.raise_if_cancelled()
-    kept = np.flatnonzero(keep)
     blur = measured.reach - EXACT
+    kept = np.flatnonzero(~_on_any_robot(ctx, scene.observation.arm_states, voxels.centers, MARGIN + blur))
+    ctx.raise_if_cancelled()
     found = explain(library, measured.select(kept), [depth_view(p.camera, blur) for p in lifted])
     label_of = np.full(len(voxels.centers), -1, dtype=np.int16)
     for index, instance in enumerate(found):
@@ -146,10 +145,10 @@ def _label_images(lifted: Sequence[CameraPoints], labels: Array) -> tuple[Array,
     return tuple(images)
 
 
-def _on_any_robot(ctx: ToolContext, task: Task, states: Sequence[ArmState], points: Array) -> Array:
+def _on_any_robot(ctx: ToolContext, states: Sequence[ArmState], points: Array, margin: float) -> Array:
     hit = np.zeros(len(points), dtype=bool)
     for state in states:
         spec = ctx.robot(state.arm_id)
         model = ctx.shared(f"gap_perception.robot:{spec.model_file}", robot_model(spec))
-        hit |= on_robot(points, solids_of(model, spec, state, task.robots[state.arm_id]))
+        hit |= on_robot(points, solids_of(model, spec, state, ctx.task.robots[state.arm_id]), margin)
     return hit
