@@ -27,8 +27,8 @@ def refuse(task: Task, problem: str, *, word: str = "", known: Sequence[str] = (
     """The error for an instruction that cannot be served: the problem, and what the task offers instead."""
     near = did_you_mean(word, known) if word else ""
     hint = [near] if near.startswith("Did you mean") else []
-    hint.append(f"Objects: {', '.join(m.label for m in task.objects.values())}.")
     containers = [m.label for m in task.objects.values() if m.is_container]
+    hint.append(f"Objects: {', '.join(m.label for m in task.objects.values() if not m.is_container) or 'none'}.")
     hint.append(f"Containers: {', '.join(containers) or 'none'}.")
     hint.append(f'Say for example "{task.instructions[0]}".')
     return InstructionError(problem, hint=" ".join(hint))

@@ -139,8 +139,8 @@ class _Parser:
             self.fail("the object")
         lexeme = self.take(Kind.OBJECT)
         if len(lexeme.ids) > 1:
-            names = " or ".join(self.words.label(i) for i in lexeme.ids)
-            raise refuse(self.task, f"{lexeme.text!r} could be the {names}.")
+            names = " or ".join(f"the {self.words.label(i)}" for i in lexeme.ids)
+            raise refuse(self.task, f"{lexeme.text!r} could be {names}.")
         return lexeme.ids[0]
 
     def pronoun(self, *, several: bool, exactly: int | None = None) -> list[str]:

@@ -102,7 +102,7 @@ REFUSED = {
     "Put the milk in": "ends where the container",
     "Put the milk and": "which container the milk",
     # ambiguous
-    "Put the sauce in the basket": "could be the bbq sauce or tomato sauce",
+    "Put the sauce in the basket": "could be the bbq sauce or the tomato sauce",
     "Pick the milk and the ketchup and put it in the basket": "does not fit the milk and ketchup",
     "Pick the milk and put them in the basket": "does not fit the milk",
     "Put both the milk, the ketchup and the butter in the basket": "'both' is followed by 3",
