@@ -16,24 +16,26 @@ ROUND_S = 0.02  # s: a measurement repeats its subject until it takes about this
 
 @dataclass(frozen=True)
 class Timing:
-    """Seconds per call over the rounds."""
+    """Seconds per call over the rounds. `cpu` is the median of processor time, all threads of this process together:
+    what it costs however busy the machine is."""
 
     best: float
     median: float
     p90: float
+    cpu: float
 
 
 def time_in_turns(subjects: Mapping[str, Callable[[], object]], progress: Progress) -> dict[str, Timing]:
     """Time each subject once per round. Garbage collection runs between rounds, not in them."""
     repeats = {name: _repeats(call) for name, call in subjects.items()}
-    seconds: dict[str, list[float]] = {name: [] for name in subjects}
+    seconds: dict[str, list[tuple[float, float]]] = {name: [] for name in subjects}
     for round_ in range(ROUNDS):
         for i, (name, call) in enumerate(subjects.items()):
             progress((round_ + i / len(subjects)) / ROUNDS, name)
             gc.collect()
             gc.disable()
             try:
-                seconds[name].append(_timed(call, repeats[name]) / repeats[name])
+                seconds[name].append(_timed(call, repeats[name]))
             finally:
                 gc.enable()
     progress(1.0, "")
@@ -42,16 +44,18 @@ def time_in_turns(subjects: Mapping[str, Callable[[], object]], progress: Progre
 
 def _repeats(call: Callable[[], object]) -> int:
     call()
-    return max(1, round(ROUND_S / max(1e-7, _timed(call, 1))))
+    return max(1, round(ROUND_S / max(1e-7, _timed(call, 1)[0])))
 
 
-def _timed(call: Callable[[], object], times: int) -> float:
-    start = time.perf_counter()
+def _timed(call: Callable[[], object], times: int) -> tuple[float, float]:
+    """Wall and processor seconds per call."""
+    wall, cpu = time.perf_counter(), time.process_time()
     for _ in range(times):
         call()
-    return time.perf_counter() - start
+    return (time.perf_counter() - wall) / times, (time.process_time() - cpu) / times
 
 
-def _summary(values: list[float]) -> Timing:
-    ordered = sorted(values)
-    return Timing(ordered[0], statistics.median(ordered), ordered[round(0.9 * (len(ordered) - 1))])
+def _summary(values: list[tuple[float, float]]) -> Timing:
+    ordered = sorted(wall for wall, _ in values)
+    cpu = statistics.median(cpu for _, cpu in values)
+    return Timing(ordered[0], statistics.median(ordered), ordered[round(0.9 * (len(ordered) - 1))], cpu)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import queue
+import sys
 import threading
 from collections.abc import Callable
 
@@ -64,7 +65,16 @@ os.register_at_fork(after_in_child=_shared.clear)  # threads do not survive a fo
 
 
 def shared_pool() -> Pool:
-    """The pool of this process."""
+    """The pool of this process for nodes."""
+    return _pools()[0]
+
+
+def runner_pool() -> Pool:
+    """The pool of this process for the threads graphs run on: one each, as many as there are graphs."""
+    return _pools()[1]
+
+
+def _pools() -> list[Pool]:
     if not _shared:
-        _shared.append(Pool())
-    return _shared[0]
+        _shared.extend((Pool(), Pool(max_threads=sys.maxsize)))
+    return _shared

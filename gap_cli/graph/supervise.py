@@ -8,6 +8,7 @@ from time import monotonic
 
 from gap_cli.graph.attempt import DEADLINE, RUNNING, Attempt
 from gap_cli.graph.course import Status
+from gap_cli.graph.pool import runner_pool
 from gap_cli.graph.safety import stop_arms
 from gap_cli.graph.scheduler import Scheduler
 
@@ -38,6 +39,7 @@ class Supervisor:
         self._end = None if budget_s is None else monotonic() + budget_s
         self._budget_s = budget_s
         self._interrupts = 0
+        self._idle = threading.Event()  # of the thread that runs the graph now: it has returned
 
     def run(self) -> None:
         """Until the run is over. A first Ctrl-C cancels the run, a second one its recovery."""
@@ -48,11 +50,16 @@ class Supervisor:
                     self._tick()
             except KeyboardInterrupt:
                 self._interrupts += 1  # acted upon in the next tick, where another one cannot get in between
-        self._runner.join(self._grace_s)
+        self._idle.wait(self._grace_s)
 
     def _start_runner(self) -> None:
-        self._runner = threading.Thread(target=self._scheduler.loop, name="gap-graph", daemon=True)
-        self._runner.start()
+        idle = self._idle = threading.Event()
+
+        def run() -> None:
+            self._scheduler.loop()
+            idle.set()
+
+        runner_pool().submit(run)
 
     def _tick(self) -> None:
         now = monotonic()
