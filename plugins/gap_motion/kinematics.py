@@ -103,7 +103,7 @@ def read_chain(spec: RobotSpec, model: Any) -> Chain:
     import mujoco
 
     base = model.body(spec.base_link).id
-    frame_of: dict[int, Link] = {base: Link(-1, np.eye(4), np.zeros(3))}
+    frame_of: dict[int, Link] = {base: Link(-1, _in_root(model, base), np.zeros(3))}
     before: list[Array] = []
     for body in range(base + 1, model.nbody):
         parent = frame_of.get(int(model.body_parentid[body]))
@@ -125,6 +125,15 @@ def read_chain(spec: RobotSpec, model: Any) -> Chain:
     links = {model.body(body).name: link for body, link in frame_of.items()}
     tcp = links[spec.flange_link].transform @ tcp_matrix(spec)
     return Chain(spec, np.array(before), links, tcp)
+
+
+def _in_root(model: Any, body: int) -> Array:
+    """The pose of a body that does not move in the model's root, which is what stands at T_world_base."""
+    T = np.eye(4)
+    while body:
+        T = _transform(model.body_pos[body], model.body_quat[body]) @ T
+        body = int(model.body_parentid[body])
+    return T
 
 
 def tcp_matrix(spec: RobotSpec) -> Array:

@@ -7,8 +7,11 @@ from gap_cli.hookspecs import Register, hookimpl
 
 @hookimpl
 def gap_register_robots(register: Register) -> None:
-    from gap_robots.panda import panda
+    from gap_robots.menagerie import register_all
+    from gap_robots.panda import panda, panda_bimanual
     from gap_robots.ur5e import ur5e
 
     register("panda", panda)
+    register("panda-bimanual", panda_bimanual)
     register("ur5e", ur5e)
+    register_all(register)

@@ -19,6 +19,7 @@ from gap_cli.contracts.types import Array
 SPACING = 0.9  # of the radius of a capsule, between centres: the spheres then stick out by at most 10 % of it
 CELL = 0.011  # m: a box is cut into cells of about this size, but never into more than MAX_CELLS along an axis
 MAX_CELLS = 2
+MESH_CELL = 0.035  # m: a mesh is covered by spheres around cells of about this size
 
 
 def read_spheres(path: Path) -> tuple[CollisionSphere, ...]:
@@ -56,7 +57,7 @@ def _cover_geom(model: Any, geom: int) -> tuple[Array, float]:
     if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
         return cover_box(np.array([size[0], size[0], size[1]]))
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
-        return cover_box(np.array(model.geom_aabb[geom, 3:]))
+        return cover_mesh(model, geom)
     return cover_box(size[:3])
 
 
@@ -74,6 +75,23 @@ def cover_box(half: Array) -> tuple[Array, float]:
     cell = half / counts
     axes = [np.linspace(-h + c, h - c, n) for h, c, n in zip(half, cell, counts, strict=True)]
     return np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3), float(np.linalg.norm(cell))
+
+
+def cover_mesh(model: Any, geom: int) -> tuple[Array, float]:
+    """A grid of spheres over a mesh's bounding box, without those that its convex hull does not reach."""
+    from scipy.spatial import ConvexHull
+
+    center, half = np.array(model.geom_aabb[geom, :3]), np.array(model.geom_aabb[geom, 3:])
+    counts = np.clip(np.ceil(2 * half / MESH_CELL), 1, 8).astype(int)
+    cell = half / counts
+    axes = [np.linspace(-h + c, h - c, n) for h, c, n in zip(half, cell, counts, strict=True)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3) + center
+    radius = float(np.linalg.norm(cell))
+    mesh = model.geom_dataid[geom]
+    first, many = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+    planes = ConvexHull(np.array(model.mesh_vert[first : first + many], dtype=float)).equations
+    reached = (grid @ planes[:, :3].T + planes[:, 3]).max(axis=1) <= radius
+    return grid[reached], radius
 
 
 def main(model_file: str, out_file: str) -> None:

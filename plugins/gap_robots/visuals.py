@@ -36,7 +36,7 @@ LOOKS: Mapping[str, tuple[str, Mapping[str, Look]]] = {"panda": ("FRANKA-EMIKA/P
 
 
 def mesh_folder(robot: str) -> Path | None:
-    """Where the robot's meshes are, or None when they are not installed."""
+    """Where the meshes for a model file of this name are, or None when they are not installed."""
     found = importlib.util.find_spec("rtbdata")
     if robot not in LOOKS or found is None or not found.submodule_search_locations:
         return None
@@ -51,10 +51,10 @@ def add_looks(model: Any, spec: RobotSpec) -> bool:
     """
     from dm_control import mjcf
 
-    folder = mesh_folder(spec.name)
+    folder = mesh_folder(spec.model_file.stem)
     if folder is None:
         return False
-    looks = LOOKS[spec.name][1]
+    looks = LOOKS[spec.model_file.stem][1]
     for body in model.find_all("body"):
         look = looks.get(body.name)
         if look is None:

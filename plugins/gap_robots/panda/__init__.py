@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -65,6 +66,19 @@ def panda() -> RobotSpec:
         sources=SOURCES,
     )
 
+
+@cache
+def panda_bimanual() -> RobotSpec:
+    """One of the two Pandas of a bimanual cell, which lists it twice: arm 0 first, each with its own place.
+
+    Placed side by side they need `SIDE_BY_SIDE` between their bases: their homes and forward workspaces are then apart.
+    """
+    return replace(panda(), name="panda-bimanual", home=BIMANUAL_HOME)
+
+
+SIDE_BY_SIDE = 0.4  # m between the bases, along their common y axis
+# Nearer and higher than HOME, out of the shared middle: TCP 0.40 m in front of the base, 0.50 m above its foot.
+BIMANUAL_HOME = (0.0, -0.4908, 0.0, -2.12033, 0.0, 1.62953, math.pi / 4)
 
 # Beside the hand, looking along the fingers, far enough forward that the open fingers end just below the picture;
 # its top is the hand's +x.

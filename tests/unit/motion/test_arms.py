@@ -98,3 +98,18 @@ def test_actions_outside_the_contract_are_refused(cell, code, action):
     with pytest.raises(BadRequestError) as error:
         cell.call("robot_control.ApplyPolicyAction", action=action)
     assert error.value.code == code and cell.arm.executed == []
+
+
+def test_a_bimanual_pair_stands_clear_of_each_other_at_home(robot):
+    from gap_motion.together import refuse_meeting
+    from gap_robots.panda import SIDE_BY_SIDE
+
+    spec = robot("panda-bimanual")
+    level = Quaternion(1.0, 0.0, 0.0, 0.0)
+    arms = [IdealArm(spec, Se3Pose(Vec3(0.0, s * SIDE_BY_SIDE / 2, 0.0), level)) for s in (-1, 1)]
+    cells = [Cell(arm, i) for i, arm in enumerate(arms)]
+    still = [point_to_point(cell.chain, np.stack([cell.arm.q, cell.arm.q])) for cell in cells]
+    refuse_meeting(cells, in_step(still))
+    near = [IdealArm(spec, Se3Pose(Vec3(0.0, s * 0.05, 0.0), level)) for s in (-1, 1)]
+    with pytest.raises(MotionError):
+        refuse_meeting([Cell(arm, i) for i, arm in enumerate(near)], in_step(still))

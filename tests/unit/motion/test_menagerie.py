@@ -1,0 +1,96 @@
+"""A Menagerie checkout of our own making: the first-party models under foreign names."""
+
+import re
+
+import mujoco
+import numpy as np
+import pytest
+
+from gap_cli.contracts.failures import DocumentError, UnknownNameError
+from gap_cli.plugins import load_registry
+from gap_motion import ik
+from gap_motion.kinematics import chain
+from gap_robots import menagerie
+from gap_robots.panda import FOLDER as PANDA
+from gap_robots.ur5e import FOLDER as UR5E
+
+
+@pytest.fixture
+def checkout(tmp_path, monkeypatch):
+    """With a jaw and other actuators; without a jaw, but a site for one; and a folder that is no arm."""
+    arm = tmp_path / "maker_arm"
+    arm.mkdir()
+    text = (PANDA / "panda.xml").read_text()
+    text = re.sub(
+        r"<actuator>.*</actuator>", '<actuator><motor name="m1" joint="panda_joint1"/></actuator>', text, flags=re.S
+    )
+    (arm / "arm.xml").write_text(text)
+    (arm / "scene.xml").write_text('<mujoco><include file="arm.xml"/></mujoco>')
+    bare = tmp_path / "bare_arm"
+    bare.mkdir()
+    spec = mujoco.MjSpec.from_file(str(UR5E / "ur5e.xml"))
+    for item in [*spec.actuators, *spec.tendons, *spec.equalities, *spec.excludes]:
+        spec.delete(item)
+    spec.delete(spec.body("tool0"))
+    spec.body("wrist_3_link").add_site(name="attachment_site", pos=[0, 0, 0.0996])
+    (bare / "arm.xml").write_text(spec.to_xml())
+    odd = tmp_path / "lamp"
+    odd.mkdir()
+    (odd / "lamp.xml").write_text('<mujoco><worldbody><body name="b"><geom size="0.1"/></body></worldbody></mujoco>')
+    monkeypatch.setenv("MENAGERIE_ROOT", str(tmp_path))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    menagerie.menagerie.cache_clear()
+    yield tmp_path
+    menagerie.menagerie.cache_clear()
+
+
+def test_folders_are_registered_under_their_names(checkout):
+    robots = load_registry(("gap_robots",), entry_points=False).robots
+    assert {"menagerie:maker_arm", "menagerie:bare_arm", "menagerie:lamp"} <= set(robots)
+    assert "menagerie:cache" not in robots
+
+
+@pytest.mark.parametrize("name", ["maker_arm", "bare_arm"])
+def test_an_adapted_arm_keeps_every_promise_of_a_robot(checkout, name):
+    spec = menagerie.menagerie(name)
+    model = mujoco.MjModel.from_xml_path(str(spec.model_file))
+    assert {model.actuator(i).name for i in range(model.nu)} == {*spec.joints, "gripper"}
+    assert all(limit.lower < q < limit.upper for q, limit in zip(spec.home, spec.limits, strict=True))
+    assert spec.gripper.max_width > 0.05 and len(spec.gripper.joints) == 2 and spec.spheres
+    data = mujoco.MjData(model)
+    for joint, q in zip(spec.joints, spec.home, strict=True):
+        data.qpos[model.joint(joint).qposadr[0]] = data.ctrl[model.actuator(joint).id] = q
+    for _ in range(100):
+        mujoco.mj_step(model, data)
+    held = [data.qpos[model.joint(joint).qposadr[0]] for joint in spec.joints]
+    np.testing.assert_allclose(held, spec.home, atol=2e-3)
+
+
+def test_the_tcp_found_is_the_tcp_known(checkout, robot):
+    known, found = robot("panda"), menagerie.menagerie("maker_arm")
+    q = np.array(known.home)
+    here, there = (chain(spec).tcp_poses(q)[0] for spec in (known, found))
+    np.testing.assert_allclose(here[:3, 3], there[:3, 3], atol=2e-3)
+    np.testing.assert_allclose(here[:3, 2], there[:3, 2], atol=1e-6)
+    assert abs(here[:3, 1] @ there[:3, 1]) == pytest.approx(1.0)
+    assert ik.closed_form(chain(found)) is not None, "the closed form goes by geometry, not by name"
+
+
+def test_building_twice_gives_one_file(checkout):
+    first = menagerie.menagerie("maker_arm").model_file
+    menagerie.menagerie.cache_clear()
+    assert menagerie.menagerie("maker_arm").model_file == first
+
+
+def test_what_is_no_arm_is_refused_by_name(checkout):
+    with pytest.raises(DocumentError, match="lamp"):
+        menagerie.menagerie("lamp")
+    with pytest.raises(UnknownNameError):
+        menagerie.menagerie("nobody")
+
+
+def test_no_checkout_no_robots(monkeypatch, tmp_path):
+    monkeypatch.delenv("MENAGERIE_ROOT", raising=False)
+    assert menagerie.folders() == []
+    monkeypatch.setenv("MENAGERIE_ROOT", str(tmp_path / "gone"))
+    assert menagerie.folders() == []
