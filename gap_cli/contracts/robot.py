@@ -60,7 +60,8 @@ class RobotSpec:
     model_file   MJCF of the arm and hand, the one source of kinematics for physics and planning.
     tcp_offset   T_flange_tcp: translation [m] and quaternion (w first) from `flange_link` to the point between
                  the fingertips. The TCP's z axis points along the approach, its y axis along the closing direction.
-    reach        farthest TCP distance from the base's shoulder at which a top-down grasp is expected [m].
+    reach        farthest horizontal distance from the base at which a top-down grasp, up to 0.3 m above the base's
+                 foot, is expected [m].
     sources      where each limit comes from, by field name.
     """
 

@@ -48,7 +48,7 @@ def panda() -> RobotSpec:
             joints=("panda_finger_joint1", "panda_finger_joint2"),
         ),
         tcp_velocity=1.7,
-        reach=0.80,
+        reach=0.77,
         spheres=read_spheres(FOLDER / "spheres.json"),
         self_collision_ignore=(
             ("panda_link0", "panda_link2"),
@@ -99,7 +99,7 @@ SOURCES = {
     "gripper.max_speed": "Franka Hand product manual: 50 mm/s per finger",
     "gripper.finger_size": "measured on the finger's published mesh",
     "gripper.finger_depth": "distance from the TCP to the palm, from the published mesh of the hand",
-    "reach": "inverse kinematics of top-down poses on a grid around the base",
+    "reach": "inverse kinematics of top-down poses of every yaw up to 0.3 m above the foot: all solved to 0.78 m",
     "home": "chosen here; see the comment beside it",
     "cameras": "fovy and distance from the hand as in robosuite's eye-in-hand camera for the Panda",
     "inertias": "Gaz et al., Dynamic Identification of the Franka Emika Panda Robot, RA-L 2019",

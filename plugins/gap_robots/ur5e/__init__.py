@@ -57,7 +57,7 @@ def ur5e() -> RobotSpec:
             joints=("left_finger_joint", "right_finger_joint"),
         ),
         tcp_velocity=1.0,
-        reach=0.75,
+        reach=0.80,
         spheres=read_spheres(FOLDER / "spheres.json"),
         self_collision_ignore=(
             ("base_link", "upper_arm_link"),
@@ -92,7 +92,7 @@ SOURCES = {
     "gripper.max_speed": "Robotiq 2F-85 datasheet: up to 150 mm/s",
     "gripper.finger_size": "this jaw's own geometry, in ur5e.xml",
     "gripper.finger_depth": "this jaw's own geometry, in ur5e.xml: distance from the TCP to the palm",
-    "reach": "inverse kinematics of top-down poses on a grid around the base",
+    "reach": "inverse kinematics of top-down poses of every yaw up to 0.3 m above the foot: all solved to 0.83 m",
     "home": "chosen here; see the comment beside it",
     "cameras": "as on the Panda",
     "inertias": "Universal Robots: masses and centres of mass; solid cylinders of each link's size",
