@@ -13,6 +13,7 @@ from gap_motion import moves
 from gap_motion.envelope import refuse
 from gap_motion.requests import Cell, arm_of, finite, joints_of, pose_matrix, positive, trajectory_of
 from gap_motion.timing import point_to_point
+from gap_motion.together import move_together
 
 ARM = ("arm:0", "clock")
 
@@ -114,13 +115,21 @@ def move_to_joints(ctx: ToolContext, joint_config: JointState, tolerance: float 
     )
 
 
-@tool("robot_control.GoHome", effect="actuate", resources=ARM, deadline_s=60.0)
+@tool("robot_control.GoHome", effect="actuate", resources=("arm:0", "arm:1", "clock"), deadline_s=60.0)
 def go_home(ctx: ToolContext) -> None:
-    """Move arm 0 straight in joint space to its home configuration: the task's, or else the robot's own."""
-    cell = Cell.of(ctx, 0)
-    home = np.array(ctx.task.robots[0].home or cell.spec.home)
-    start = cell.joints()
-    _run(ctx, cell, point_to_point(cell.chain, np.stack([start, home])), start)
+    """Move straight in joint space to the home configuration, the task's or else the robot's own; two arms together.
+
+    Raises `MotionError`.
+    """
+    cells = [Cell.of(ctx, arm_id) for arm_id in range(len(ctx.world.arms))]
+    homes = [np.array(ctx.task.robots[cell.arm_id].home or cell.spec.home) for cell in cells]
+    planned = [
+        point_to_point(cell.chain, np.stack([cell.joints(), home])) for cell, home in zip(cells, homes, strict=True)
+    ]
+    if len(cells) == 1:
+        _run(ctx, cells[0], planned[0], cells[0].joints())
+    else:
+        move_together(ctx, cells, planned, 0.01)
 
 
 def _run(

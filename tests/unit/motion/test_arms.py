@@ -113,3 +113,12 @@ def test_a_bimanual_pair_stands_clear_of_each_other_at_home(robot):
     near = [IdealArm(spec, Se3Pose(Vec3(0.0, s * 0.05, 0.0), level)) for s in (-1, 1)]
     with pytest.raises(MotionError):
         refuse_meeting([Cell(arm, i) for i, arm in enumerate(near)], in_step(still))
+
+
+def test_all_arms_go_home_together(pair, spec):
+    for arm in pair.arms:
+        arm.q = np.array(spec.home) + 0.1
+    pair.call("robot_control.GoHome")
+    assert len(pair.moved) == 1
+    for arm in pair.arms:
+        np.testing.assert_allclose(arm.q, spec.home, atol=1e-9)
