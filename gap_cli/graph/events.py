@@ -15,7 +15,7 @@ EventKind = Literal[
 @dataclass(frozen=True)
 class Event:
     """One transition. `seq` orders them; `t` is monotonic seconds since the run began (never in canonical files);
-    `world_time` is world time [s] where known. `path` is `subgraph_node/node`, or '' for the run. `data` is read-only."""
+    `world_time` is world time [s] where known. `path` is `subgraph_node/node`, '' for the run. `data` is read-only."""
 
     seq: int
     t: float
