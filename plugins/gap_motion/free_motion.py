@@ -24,7 +24,7 @@ from gap_motion.timing import time_path
 CORNERS = (CORNER, CORNER / 4, CORNER / 40)  # rounding that is tried in turn until the timed motion is free
 TRIES = (STEP, STEP / 3, STEP / 6)  # m: how closely a path is checked; another, when its timed motion is not free
 CORNER_SAMPLES = 5  # of a trajectory, over which it turns from the planned path into the straight approach
-LINES = 3  # straight approaches looked at before planning towards them
+LINES = 2  # straight approaches looked at before planning towards them
 
 
 class Reached(NamedTuple):

@@ -25,6 +25,7 @@ SEEDS = 24  # of the numeric solver
 TURN = 2 * np.pi
 EDGE = 0.1  # rad: solutions closer than this to a joint limit cost extra
 EDGE_COST = 2.0  # s per rad inside the edge, on the scale of `cost`
+OTHERS = 0.5  # what the mean over the joints counts beside the slowest one
 
 
 def candidates(chain: Chain, T: Array, near: Array, count: int = COARSE) -> Array:
@@ -62,11 +63,16 @@ def inside(chain: Chain, q: Array, margin: float = 0.0) -> Array:
 
 
 def cost(chain: Chain, q: Array, near: Array) -> Array:
-    """Distance of configurations (..., n) from `near` [s at full speed], plus a charge near limits; inf for NaN."""
+    """How long configurations (..., n) are away from `near` [s], plus a charge near limits; inf for NaN.
+
+    The slowest joint's time at full acceleration and speed counts, and the others' a little, so that none wanders.
+    """
     low, high = joint_range(chain.spec)
-    away = np.sqrt((((q - near) / velocity_limits(chain.spec)) ** 2).sum(axis=-1))
+    v, a = velocity_limits(chain.spec), np.array([limit.acceleration for limit in chain.spec.limits])
+    way = np.abs(q - near)
+    times = np.where(way < v * v / a, 2 * np.sqrt(way / a), way / v + v / a)
     edge = np.maximum(EDGE - np.minimum(q - low, high - q), 0.0).sum(axis=-1)
-    total = away + EDGE_COST * edge
+    total = times.max(axis=-1) + OTHERS * times.mean(axis=-1) + EDGE_COST * edge
     return np.where(np.isnan(total), np.inf, total)
 
 

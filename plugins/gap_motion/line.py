@@ -14,7 +14,7 @@ from gap_motion.kinematics import Chain
 from gap_motion.paths import velocity_limits
 
 SPACING, TURNING = 0.01, 0.05  # m, rad between the waypoints that inverse kinematics is solved at
-AT_LEAST, AT_MOST = 12, 150
+AT_LEAST, AT_MOST = 9, 150
 JUMP = 0.35  # rad: a larger joint step between neighbouring waypoints is a change of branch
 FREE_RANGE, FREE_COUNT = 1.2, 17  # rad, values: how far the free joint may drift over a line
 DETOUR = 2.0  # times the direct joint distance: a longer line is tried again by tracking

