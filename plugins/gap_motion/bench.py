@@ -25,12 +25,11 @@ Row = tuple[Any, ...]
 
 
 def motion(progress: Progress, problems: int = PROBLEMS, judged: int = JUDGED, executed: int = EXECUTED) -> BenchReport:
-    """Measure both first-party arms."""
-    from gap_robots.panda import panda
-    from gap_robots.ur5e import ur5e
+    """Measure one of each kind of arm."""
+    from gap_robots import arms
 
     rows: list[Row] = []
-    specs = (panda(), ur5e())
+    specs = arms()
     for i, spec in enumerate(specs):
 
         def part(share: float, what: str, i: int = i, name: str = spec.name) -> None:

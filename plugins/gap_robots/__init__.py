@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
+from gap_cli.contracts.robot import RobotSpec
 from gap_cli.hookspecs import Register, hookimpl
+
+
+def arms() -> tuple[RobotSpec, ...]:
+    """One of each kind of arm shipped here: what benchmarks measure."""
+    from gap_robots.panda import panda
+    from gap_robots.ur5e import ur5e
+
+    return (panda(), ur5e())
 
 
 @hookimpl
