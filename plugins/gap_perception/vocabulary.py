@@ -14,7 +14,10 @@ EXACT, WITH_ATTRIBUTES, PART_OF_NAME, ATTRIBUTES_ONLY, MISSPELLED = 1.0, 0.95, 0
 _FILLER = "a an the of this that these those some any all my your its please one it with is are there"
 FILLER = frozenset(_FILLER.split())
 GENERIC = frozenset({"object", "thing", "item", "product"})
-KIND_WORDS = {"cylinder": "can tin cylinder", "box": "box pack package packet", "open_box": "container bin"}
+KIND_WORDS = {
+    "cylinder": "can tin cylinder", "box": "box pack package packet", "open_box": "container bin", "pan": "pan skillet",
+    "mug": "mug cup",
+}  # fmt: skip
 STYLE_WORDS = {
     "can": "can tin", "carton": "carton pack package", "bottle": "bottle", "box": "box pack package packet",
     "basket": "basket container bin",
