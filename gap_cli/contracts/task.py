@@ -9,8 +9,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from gap_cli.contracts.documents import read_yaml
-from gap_cli.contracts.failures import DocumentError, UnknownNameError
+from gap_cli.contracts.failures import DocumentError, UnknownNameError, did_you_mean
 from gap_cli.contracts.models import Document
+from gap_cli.contracts.sensors import Sensors
 
 Triple = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0)]
@@ -157,6 +158,7 @@ class Task(Document):
     environment: Environment
     robots: list[RobotPlacement] = Field(min_length=1)
     cameras: dict[str, CameraPlacement] = {}
+    sensors: Sensors = Sensors()
     objects: dict[str, ObjectModel]
     joints: dict[str, Joint] = {}
     belief: Belief
@@ -201,8 +203,8 @@ class Task(Document):
 def load_task(path: Path, variant: str | None = None) -> Task:
     """Read `path`/task.yaml and lay the variant over it (default: the first one listed).
 
-    A variant is a partial document: mappings merge key by key, anything else replaces. Raises `DocumentError`,
-    `UnknownNameError`.
+    A variant is a partial document: mappings merge key by key, anything else replaces; `extends` names another variant
+    to lay under it. Raises `DocumentError`, `UnknownNameError`.
     """
     file = path / "task.yaml"
     data = read_yaml(file)
@@ -214,15 +216,36 @@ def load_task(path: Path, variant: str | None = None) -> Task:
     chosen = variant or next(iter(variants), "")
     if chosen and chosen not in variants:
         raise UnknownNameError("variant", chosen, variants)
-    overlay = variants.get(chosen) or {}
-    merged = _merge(data, overlay, str(file))
+    merged: dict[str, Any] = data
+    for overlay in _overlays(variants, chosen, str(file)):
+        merged = _merge(merged, overlay)
     return Task.load({**merged, "variant": chosen, "path": path}, str(file))
 
 
-def _merge(base: Any, overlay: Any, where: str) -> Any:
+def _overlays(variants: dict[str, Any], chosen: str, where: str) -> list[dict[str, Any]]:
+    """The variant's overlay after those it extends, each without `extends`."""
+    found: list[dict[str, Any]] = []
+    seen: list[str] = []
+    name: Any = chosen or None
+    while name is not None:
+        if name in seen:
+            raise DocumentError(where, f"variants.{chosen}.extends: goes in circles: {' > '.join([*seen, name])}")
+        if not isinstance(name, str) or name not in variants:
+            key = f"variants.{seen[-1]}.extends"
+            raise DocumentError(where, f"{key}: {name!r} is not a variant", hint=did_you_mean(str(name), variants))
+        overlay = variants[name] or {}
+        if not isinstance(overlay, dict):
+            raise DocumentError(where, f"variants.{name}: must be a mapping")
+        found.insert(0, {key: value for key, value in overlay.items() if key != "extends"})
+        seen.append(name)
+        name = overlay.get("extends")
+    return found
+
+
+def _merge(base: Any, overlay: Any) -> Any:
     if not isinstance(overlay, dict) or not isinstance(base, dict):
         return copy.deepcopy(overlay)
     out = dict(base)
     for key, value in overlay.items():
-        out[key] = _merge(base.get(key), value, where) if key in base else copy.deepcopy(value)
+        out[key] = _merge(base.get(key), value) if key in base else copy.deepcopy(value)
     return out
