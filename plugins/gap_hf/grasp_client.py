@@ -18,6 +18,7 @@ from gap_cli.contracts.failures import BadRequestError, PerceptionError, ToolErr
 from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.types import Array, Se3Pose, Vec3
 from gap_grasps.tools import WorldGrasps
+from gap_hf.gripper_frame import rigid_grasps, tcp
 from gap_hf.loading import INSTALL
 from gap_hf.wire import packed, unpacked
 
@@ -25,7 +26,6 @@ URL, DEPTH = "GAP_HF_GRASPGEN_URL", "GAP_HF_GRASPGEN_DEPTH"
 DEPTHS = {"franka_panda": 0.10527314}  # m, base of the gripper to its TCP, as the checkpoint's gripper file has it
 MIN_POINTS = 30
 TIMEOUT_S = 60.0
-R_GRIPPER_TCP = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # our y closes, theirs is x
 NEAR = 0.01  # m from the target within which scene points are the target's own
 
 
@@ -62,7 +62,7 @@ def plan(
             }
         )
     T, scores = _read(answer)
-    T = T @ _tcp(depth)
+    T = T @ tcp(depth)
     if scene is not None:
         free = _clear(robot, T, target, scene)
         T, scores = T[free], scores[free]
@@ -138,26 +138,7 @@ def _depth(server: Server) -> float:
 
 
 def _read(answer: dict[str, Any]) -> tuple[Array, Array]:
-    try:
-        T = np.asarray(answer["grasps"], dtype=float).reshape(-1, 4, 4)
-        scores = np.asarray(answer["confidences"], dtype=float).reshape(-1)
-    except (KeyError, ValueError, TypeError):
-        raise ToolError("answer", "The GraspGen server's answer holds no grasps (K, 4, 4) with confidences.") from None
-    R = T[:, :3, :3]
-    rigid = np.isfinite(T).all() and np.allclose(R @ R.transpose(0, 2, 1), np.eye(3), atol=1e-3)
-    if len(T) != len(scores) or not rigid or not np.isfinite(scores).all():
-        raise ToolError(
-            "answer", f"The GraspGen server sent {len(T)} poses that are not rigid, or {len(scores)} scores."
-        )
-    return T, scores.clip(0, 1)
-
-
-def _tcp(depth: float) -> Array:
-    """T_gripper_tcp of a gripper in the published convention."""
-    T = np.eye(4)
-    T[:3, :3] = R_GRIPPER_TCP
-    T[2, 3] = depth
-    return T
+    return rigid_grasps("The GraspGen server", answer.get("grasps"), answer.get("confidences"))
 
 
 def _clear(robot: RobotSpec, T: Array, target: Array, scene: Array) -> Array:

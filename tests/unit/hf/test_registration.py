@@ -13,7 +13,7 @@ SERVED = {
     "grounding_dino.Detect", "owlvit.Detect", "sam2.SegmentBox", "sam2.SegmentPoint", "sam3.SegmentText",
     "sam3.SegmentPoint", "sam3.SegmentBox", "sam3_tracker.InitTracker", "sam3_tracker.UpdateTracker",
     "sam3_tracker.CloseTracker", "molmo.PointPrompt", "molmo.Query", "molmo.QueryYesNo", "vlm.Query", "vlm.QueryYesNo",
-    "graspgen.PlanFromPointCloud",
+    "graspgen.PlanFromPointCloud", "graspnet.PlanFromDepth", "graspnet.PlanFromPointCloud", "m2t2.PlanFromPointCloud",
 }  # fmt: skip
 
 
