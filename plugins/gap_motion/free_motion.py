@@ -16,7 +16,7 @@ from gap_motion.ik import nearest
 from gap_motion.line import follow, interpolate, waypoint_count
 from gap_motion.moves import back_off
 from gap_motion.paths import CORNER, polyline, velocity_limits, without_repeats
-from gap_motion.planner import plan, refuse_contact
+from gap_motion.planner import Search, plan, refuse_contact
 from gap_motion.requests import Cell
 from gap_motion.situation import Situation
 from gap_motion.timing import time_path
@@ -52,7 +52,14 @@ def to_joints(checker: Checker, start: Array, goals: Array, seed: int, improve: 
     return _connect(checker, start, goals, np.arange(len(goals)), seed, improve)
 
 
-def to_poses(situation: Situation, start: Array, poses: Array, seed: int, improve: bool = False) -> Reached:
+def to_poses(
+    situation: Situation,
+    start: Array,
+    poses: Array,
+    seed: int,
+    improve: bool = False,
+    search: Search | None = None,
+) -> Reached:
     """A free motion from `start` (n,) to the cheapest reachable of M poses of the frame behind the last joint.
 
     Raises `PlanningError`: `unreachable`, `limits`, `in_collision`, `no_path`.
@@ -62,11 +69,17 @@ def to_poses(situation: Situation, start: Array, poses: Array, seed: int, improv
     goals, owner = _flatten(free_goals(checker, rows))
     if not len(goals):
         raise _no_goal(situation.cell, checker, poses, rows, start)
-    return _connect(checker, start, goals, owner, seed, improve)
+    return _connect(checker, start, goals, owner, seed, improve, search=search)
 
 
 def to_grasps(
-    situation: Situation, start: Array, grasps: Array, approach: float, grasped: list[str], seed: int
+    situation: Situation,
+    start: Array,
+    grasps: Array,
+    approach: float,
+    grasped: list[str],
+    seed: int,
+    search: Search | None = None,
 ) -> Reached:
     """As `to_poses`, the last `approach` [m] straight along the TCP's approach axis.
 
@@ -96,7 +109,7 @@ def to_grasps(
             break
     if not goals:
         raise blocked or _no_goal(cell, free, before, rows, start)
-    return _connect(free, start, np.array(goals), np.array(ends), seed, tails=tails, reaching=reaching)
+    return _connect(free, start, np.array(goals), np.array(ends), seed, tails=tails, reaching=reaching, search=search)
 
 
 def approach_line(cell: Cell, q: Array, before: Array, grasp: Array) -> Array:
@@ -114,10 +127,11 @@ def _connect(
     improve: bool = False,
     tails: Sequence[Array] = (),
     reaching: Checker | None = None,
+    search: Search | None = None,
 ) -> Reached:
     """Plan to the goals, append the chosen one's straight tail, if any, and time the whole."""
     for attempt, step in enumerate(TRIES):
-        path = plan(checker, start, goals, seed + 7919 * attempt, improve, step)
+        path = plan(checker, start, goals, seed + 7919 * attempt, improve, step, search=search)
         if reaching is None:
             found = timed(checker, path.waypoints)
         else:

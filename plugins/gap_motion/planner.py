@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -35,6 +35,16 @@ class Path:
     edges: int
 
 
+class Search(Protocol):
+    """Another way to find a path than OMPL's."""
+
+    def __call__(self, checker: Checker, start: Array, goals: Array, seed: int) -> Array:
+        """Waypoints (M, n) from start (n,) to one of goals (G, n), simplified; all these are free for the checker.
+
+        Whoever asks checks the motion again. Raises `PlanningError`.
+        """
+
+
 def plan(
     checker: Checker,
     start: Array,
@@ -43,11 +53,13 @@ def plan(
     improve: bool = False,
     step: float = STEP,
     simplify: bool = True,
+    search: Search | None = None,
 ) -> Path:
     """A short free path from start (n,) to the cheapest reachable one of goals (G, n).
 
     RRTConnect (Kuffner and LaValle 2000), then shortcuts; with `improve`, AORRTC (Wilson et al. 2025) spends a further
-    budget on shorter ones. Between checked configurations no point moves farther than `step` [m].
+    budget on shorter ones. Between checked configurations no point moves farther than `step` [m]. A `search` stands in
+    for all of that; its path is not checked here.
     Raises `PlanningError`: `in_collision` with the pair, or `no_path`.
     """
     edges = Edges(checker, step)
@@ -56,13 +68,21 @@ def plan(
     valid = order[checker.valid(goals[order])]
     if not len(valid):
         refuse_contact(checker, goals[order[0]], "Every goal; the nearest")
+    if search is not None:
+        rows = search(checker, start, goals[valid], seed)
+        return Path(rows, _nearest(goals, valid, rows[-1]), edges.count)
     for goal in valid[:2]:
         if edges.free(start, goals[goal]):
             return Path(np.stack([start, goals[goal]]), int(goal), edges.count)
     with _TURN:
         rows = _search(edges, start, goals[valid], seed, improve)
-    end = int(valid[int(np.argmin(np.abs(goals[valid] - rows[-1]).max(axis=1)))])
+    end = _nearest(goals, valid, rows[-1])
     return Path(shortcut(edges, rows, seed) if simplify else rows, end, edges.count)
+
+
+def _nearest(goals: Array, which: Array, q: Array) -> int:
+    """The index of the goal, among `which`, that a path ends at."""
+    return int(which[int(np.argmin(np.abs(goals[which] - q).max(axis=1)))])
 
 
 def refuse_contact(checker: Checker, q: Array, what: str) -> None:

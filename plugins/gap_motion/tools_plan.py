@@ -12,6 +12,7 @@ from gap_cli.contracts.types import WORLD, JointState, Se3Pose, Trajectory, Vec3
 from gap_motion.checker import MARGIN
 from gap_motion.free_motion import to_grasps, to_poses
 from gap_motion.ik import nearest
+from gap_motion.planner import Search
 from gap_motion.requests import Cell, finite, joints_of, pose_list, pose_matrix
 from gap_motion.situation import Situation
 
@@ -59,16 +60,29 @@ def plan_to_grasp_poses(
     Raises `BadRequestError`, or `PlanningError` (`unreachable`, `limits`, `in_collision` with the pair, `no_path`);
     `success` is true whenever it returns.
     """
+    situation = Situation.of(ctx, arm_id, world_config, collision_margin, ignore_obstacle_names or ())
+    return grasp_plan(situation, world_config, start_joint_position, grasp_poses, approach_distance, seed)
+
+
+def grasp_plan(
+    situation: Situation,
+    world_config: WorldConfig,
+    start_joint_position: JointState,
+    grasp_poses: list[Se3Pose],
+    approach_distance: float,
+    seed: int,
+    search: Search | None = None,
+) -> GraspPlan:
+    """`curobo.PlanToGraspPoses` in a situation; `search` stands in for the planner."""
     poses = pose_list(grasp_poses, "grasp_poses")
     if len(poses) > MOST_POSES:
         raise BadRequestError("too_large", f"grasp_poses has {len(poses)} poses; at most {MOST_POSES} are taken.")
     if finite(approach_distance, "approach_distance") < 0:
         raise BadRequestError("range", f"approach_distance must not be negative, got {approach_distance}.")
-    situation = Situation.of(ctx, arm_id, world_config, collision_margin, ignore_obstacle_names or ())
     start = joints_of(start_joint_position, situation.cell.spec, "start_joint_position")
     grasped = situation.graspable(world_config, poses)
     targets = situation.cell.last_frame(poses)
-    found = to_grasps(situation, start, targets, approach_distance, grasped, seed)
+    found = to_grasps(situation, start, targets, approach_distance, grasped, seed, search)
     return GraspPlan(True, found.trajectory, found.pose)
 
 
