@@ -51,7 +51,7 @@ def test_the_last_word_is_the_variants_own(load):
         "c": {"extends": "b", "belief": {"clearance": 0.03}},
     }
     task = load(variants, "c")
-    assert (task.max_time, task.belief.clearance) == (30.0, 0.02)
+    assert (task.max_time, task.belief.clearance) == (20.0, 0.03)
 
 
 @pytest.mark.parametrize(
