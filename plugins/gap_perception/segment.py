@@ -32,8 +32,10 @@ class NamedSegments(NamedTuple):
 def sam3_segment_text(ctx: ToolContext, image: Image, text_prompt: str) -> NamedSegments:
     """Every segment that `text_prompt` names; empty when there is none. The text is read as by `grounding_dino.Detect`.
 
+    It may also name a part, `handle` or `rim`, of an object whose model has one: "handle of the frying pan", "rim".
     Raises `BadRequestError` for an empty prompt.
     """
+    from gap_perception.parts import named_parts
     from gap_perception.phrases import read_phrase
     from gap_perception.relations import matches
     from gap_perception.views import see
@@ -42,7 +44,10 @@ def sam3_segment_text(ctx: ToolContext, image: Image, text_prompt: str) -> Named
         raise BadRequestError("empty", "The text prompt is empty; write what to segment.")
     view = see(ctx, image)
     phrase = read_phrase(text_prompt, view.vocabulary)
-    found = matches(view, phrase, TEXT_SCORE) if phrase else []
+    if phrase is not None:
+        found = matches(view, phrase, TEXT_SCORE)
+    else:
+        found = named_parts(ctx, image, view, text_prompt, TEXT_SCORE)
     return NamedSegments([Mask(c.mask) for _, c in found], [s for s, _ in found], [c.bounds for _, c in found])
 
 

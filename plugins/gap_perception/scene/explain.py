@@ -56,8 +56,34 @@ def explain(library: Mapping[str, Appearance], scene: Measured, views: Sequence[
             if judged is not None:
                 found.append(judged)
                 free = np.setdiff1d(free, taken, assume_unique=True)
+    found = _joined(library, scene, found, views)
     found += [Instance(group, None) for group in _groups(links, free)]
     return sorted(found, key=lambda i: -len(i.voxels))
+
+
+def _joined(
+    library: Mapping[str, Appearance], scene: Measured, found: Sequence[Instance], views: Sequence[DepthView]
+) -> list[Instance]:
+    """The instances, two that stand inside each other looked at again as one: a mug and, seen past it, its handle."""
+    kept: list[Instance] = []
+    for instance in found:
+        place = next((i for i, k in enumerate(kept) if _overlap(k, instance)), None)
+        if place is not None:
+            both = np.union1d(kept[place].voxels, instance.voxels)
+            whole = _single(library, scene, both, views, UPRIGHT)
+            if whole is not None and _quality(whole) > min(_quality(kept[place]), _quality(instance)):
+                kept[place] = whole
+                continue
+        kept.append(instance)
+    return kept
+
+
+def _overlap(a: Instance, b: Instance) -> bool:
+    """Two of one model, closer than any two of it can stand."""
+    if a.match is None or b.match is None or a.match.fit.appearance is not b.match.fit.appearance:
+        return False
+    narrowest = min(a.match.fit.appearance.model.shape.size[:2])
+    return bool(np.linalg.norm(a.match.fit.position[:2] - b.match.fit.position[:2]) < narrowest / 2)
 
 
 def _groups(links: Links, free: Array) -> list[Array]:

@@ -46,9 +46,21 @@ def rectangle(points: Array) -> tuple[Array, Array, float]:
     return middle + np.array([x, y]), np.array(sides, dtype=float), float(np.radians(degrees))
 
 
+def aligned(points: Array) -> tuple[Array, Array, float]:
+    """As `rectangle`, along the direction in which the points spread most: the smallest rectangle around a disc with a
+    handle has the handle lean to one of its corners."""
+    middle = points[:, :2].mean(axis=0)
+    flat = points[:, :2] - middle
+    along = np.linalg.eigh(flat.T @ flat)[1][:, -1]
+    axes = np.array([along, [-along[1], along[0]]])
+    local = flat @ axes.T
+    low, high = local.min(axis=0), local.max(axis=0)
+    return middle + (low + high) / 2 @ axes, high - low, float(np.arctan2(along[1], along[0]))
+
+
 def propose(library: Mapping[str, Appearance], points: Array, support: float, stance: Stance) -> list[Fit]:
     """Fits of the models whose size can explain world points (N, 3) above a surface at height `support` [m]."""
-    centre, sides, yaw = rectangle(points)
+    (centre, sides, yaw), spread = rectangle(points), aligned(points)
     top = float(np.quantile(points[:, 2], 0.995)) - support
     chosen = points[sample(points)]
     found = []
@@ -62,16 +74,25 @@ def propose(library: Mapping[str, Appearance], points: Array, support: float, st
                 continue
             if sides.max() > np.hypot(size[0], size[1]) + SIDE_SLACK:
                 continue
-            starts = _starts(size, centre, sides, yaw, round_=surface.is_round and rest == 0)
+            starts = _starts(size, centre, sides, yaw, quarters=_quarters(surface, rest))
+            if surface.model.shape.handle:
+                starts = np.concatenate([starts, _starts(size, *spread, quarters=4)])
             found.append(fit(surface, rest, chosen, starts, support, free=stance.raised))
     return found
 
 
-def _starts(size: Array, centre: Array, sides: Array, yaw: float, *, round_: bool) -> Array:
+def _quarters(surface: Appearance, rest: int) -> int:
+    """How many quarter turns about the vertical show different outlines; a handle is on one side only."""
+    if surface.is_round and rest == 0:
+        return 1
+    return 4 if surface.model.shape.handle else 2
+
+
+def _starts(size: Array, centre: Array, sides: Array, yaw: float, *, quarters: int) -> Array:
     """Poses (S, 3) that align the model's footprint with the measured rectangle: whole, or by each of its corners."""
     starts = []
-    for quarter in (0,) if round_ else (0, 1):
-        along = sides if quarter == 0 else sides[::-1]
+    for quarter in range(quarters):
+        along = sides if quarter % 2 == 0 else sides[::-1]
         angle = yaw + quarter * np.pi / 2
         axes = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
         slack = [(size[i] - along[i]) / 2 for i in range(2)]
@@ -79,5 +100,5 @@ def _starts(size: Array, centre: Array, sides: Array, yaw: float, *, round_: boo
         for a in shifts[0]:
             for b in shifts[1]:
                 x, y = centre + a * axes[0] + b * axes[1]
-                starts.append((x, y, 0.0 if round_ else angle))
+                starts.append((x, y, 0.0 if quarters == 1 else angle))
     return np.array(starts)
