@@ -8,7 +8,7 @@ from typing import Annotated, Protocol, runtime_checkable
 
 from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.snapshot import WorldSnapshot
-from gap_cli.contracts.types import WORLD, ArmState, GripperState, Observation, Se3Pose, Trajectory
+from gap_cli.contracts.types import WORLD, ArmState, Array, GripperState, Observation, Se3Pose, Trajectory
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,22 @@ class WorldFrame:
     snapshot: WorldSnapshot | None
 
 
+@dataclass(frozen=True)
+class Setpoint:
+    """Where an arm's controller wants its joints at this instant [rad, rad/s, rad/s^2], shapes (n,)."""
+
+    positions: Array
+    velocities: Array
+    accelerations: Array
+
+
 class Arm(Protocol):
-    """One arm and its gripper. Every motion blocks until done in world time and raises `MotionError` on trouble."""
+    """One arm and its gripper. Every motion blocks until done in world time and raises `MotionError` on trouble.
+
+    Except `start`: what it began goes on whenever world time passes, inside whatever command lets it pass. An `execute`
+    or `start` of the same arm waits for its end; its failure is raised by the arm's next command, jaws included,
+    before that begins.
+    """
 
     @property
     def spec(self) -> RobotSpec:
@@ -51,11 +65,27 @@ class Arm(Protocol):
         arm is, or leaves the robot's limits. Codes while moving: `tracking`, `contact`, `stalled`, `stopped`.
         """
 
+    def start(self, trajectory: Trajectory, *, tolerance: float = 0.01, replace: bool = False) -> None:
+        """Begin what `execute` does, and return at once, no world time having passed; refused as `execute` is.
+
+        With `replace` it takes over from a motion under way instead of waiting for its end: the trajectory then begins
+        at `setpoint`, moving as that moves.
+        """
+
+    def finish(self) -> None:
+        """Let world time pass until what was started is done; at once when nothing was. Raises its `MotionError`."""
+
+    def setpoint(self) -> Setpoint:
+        """Where the controller wants the joints now: what a trajectory that takes over must begin with."""
+
     def set_gripper(self, width: float, *, force: float | None = None, settle: float = 0.5) -> GripperState:
         """Drive the jaws to `width` [m] with at most `force` [N] and let `settle` [s] of world time pass."""
 
     def stop(self) -> None:
-        """Stop as fast as the limits allow and hold. Safe to call from any thread, at any time, repeatedly."""
+        """Stop inside the limits and hold. Safe to call from any thread, at any time, repeatedly.
+
+        It ends what was started too, and forgets its failure; world time must pass for the arm to come to rest.
+        """
 
 
 class World(Protocol):

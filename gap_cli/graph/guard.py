@@ -12,7 +12,7 @@ from gap_cli.contracts.failures import PrivilegedReadError, ToolError
 from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.snapshot import WorldSnapshot
 from gap_cli.contracts.types import ArmState, GripperState, Observation, Se3Pose, Trajectory
-from gap_cli.contracts.world import Arm, Instance, World, WorldFrame
+from gap_cli.contracts.world import Arm, Instance, Setpoint, World, WorldFrame
 from gap_cli.graph.attempt import Attempt, deadline_error
 from gap_cli.graph.leases import CLOCK, Leases
 
@@ -134,6 +134,21 @@ class GuardedArm:
         """Track a joint trajectory; needs the lease of this arm."""
         with self._world.inside(f"arm:{self._id}"):
             self._arm.execute(trajectory, tolerance=tolerance)
+
+    def start(self, trajectory: Trajectory, *, tolerance: float = 0.01, replace: bool = False) -> None:
+        """Begin to track a joint trajectory; needs the lease of this arm now, not for as long as it moves."""
+        with self._world.inside(f"arm:{self._id}"):
+            self._arm.start(trajectory, tolerance=tolerance, replace=replace)
+
+    def finish(self) -> None:
+        """Let what was started come to its end; needs the lease of this arm."""
+        with self._world.inside(f"arm:{self._id}"):
+            self._arm.finish()
+
+    def setpoint(self) -> Setpoint:
+        """Where the controller wants the joints."""
+        with self._world.inside():
+            return self._arm.setpoint()
 
     def set_gripper(self, width: float, *, force: float | None = None, settle: float = 0.5) -> GripperState:
         """Drive the jaws; needs the lease of this gripper."""

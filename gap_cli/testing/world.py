@@ -14,6 +14,7 @@ from gap_cli.contracts.robot import GripperSpec, JointLimits, RobotSpec
 from gap_cli.contracts.snapshot import ArmTruth, BodyState, WorldSnapshot
 from gap_cli.contracts.types import (
     ArmState,
+    Array,
     CameraObservation,
     DepthImage,
     GripperState,
@@ -27,7 +28,7 @@ from gap_cli.contracts.types import (
     Trajectory,
     Vec3,
 )
-from gap_cli.contracts.world import Instance, WorldFrame
+from gap_cli.contracts.world import Instance, Setpoint, WorldFrame
 
 STEP_S = 0.02
 UPRIGHT = Quaternion(1.0, 0.0, 0.0, 0.0)
@@ -63,6 +64,7 @@ class FakeArm:
         self._joints = np.array(spec.home)
         self._width = spec.gripper.max_width
         self._stop = threading.Event()
+        self._under_way: tuple[Trajectory, float] | None = None
 
     def state(self) -> ArmState:
         """Joints, gripper and a made-up TCP pose that depends on the joints."""
@@ -73,15 +75,48 @@ class FakeArm:
     def execute(self, trajectory: Trajectory, *, tolerance: float = 0.01) -> None:
         """Follow the trajectory, one `STEP_S` of world time after the other."""
         self.commands.append("execute")
-        if not np.isfinite(trajectory.positions).all():
-            raise MotionError("refused", "The trajectory is not finite.")
+        _refuse_not_finite(trajectory)
         self._stop.clear()
+        self.finish()
         for t in np.arange(0.0, trajectory.duration + 1e-9, STEP_S):
             self._world.advance(STEP_S, self._stop)
             if self._stop.is_set():
                 raise MotionError("stopped", f"Arm {self._arm_id} was stopped.")
-            times = trajectory.times - trajectory.times[0]
-            self._joints = np.array([np.interp(t, times, column) for column in trajectory.positions.T])
+            self._joints = _at(trajectory, t)
+
+    def start(self, trajectory: Trajectory, *, tolerance: float = 0.01, replace: bool = False) -> None:
+        """Begin to follow the trajectory; it goes on whenever world time passes."""
+        self.commands.append("start")
+        _refuse_not_finite(trajectory)
+        self._stop.clear()
+        if not replace:
+            self.finish()
+        self._under_way = (trajectory, self._world.time)
+
+    def finish(self) -> None:
+        """Let time pass until what was started is done."""
+        while self._under_way is not None:
+            self._world.advance(STEP_S, self._stop)
+
+    def setpoint(self) -> Setpoint:
+        """Where the joints are, and how they move."""
+        now, slope = self._joints, np.zeros_like(self._joints)
+        if self._under_way is not None:
+            trajectory, began = self._under_way
+            slope = (_at(trajectory, self._world.time - began + STEP_S) - now) / STEP_S
+        return Setpoint(now, slope, np.zeros_like(now))
+
+    def follow(self) -> None:
+        """After time has passed: be where the trajectory that was started is by now."""
+        if self._under_way is not None:
+            trajectory, began = self._under_way
+            self._joints = _at(trajectory, self._world.time - began)
+            if self._world.time - began >= trajectory.duration - 1e-9:
+                self.drop()
+
+    def drop(self) -> None:
+        """Forget what was started."""
+        self._under_way = None
 
     def set_gripper(self, width: float, *, force: float | None = None, settle: float = 0.5) -> GripperState:
         """Set the jaws."""
@@ -94,6 +129,7 @@ class FakeArm:
         """Stop following."""
         self.stops += 1
         self._stop.set()
+        self.drop()
         if self.deaf:
             threading.Event().wait(3600)
         if self.stop_problem is not None:
@@ -128,6 +164,8 @@ class FakeWorld:
     def reset(self, instance: Instance) -> None:
         """Put the objects where the instance says, and the clock to 0."""
         assert_privileged("a fresh episode")
+        for arm in self.arms:
+            arm.drop()
         self._poses = dict(instance.poses)
         self.time, self._start = 0.0, None
         self._start = self.snapshot()
@@ -172,6 +210,8 @@ class FakeWorld:
         """Let time pass, call the listeners that are due, and take as long as `pace` says."""
         with self._lock:
             self.time += seconds
+            for arm in self.arms:
+                arm.follow()
             for key, (listener, period, last) in list(self._listeners.items()):
                 if self.time >= last + period - 1e-9:
                     self._listeners[key] = (listener, period, self.time)
@@ -184,6 +224,16 @@ class FakeWorld:
         K = Matrix3x3(np.array([[6.0, 0, 3], [0, 6.0, 2], [0, 0, 1]]))
         depth = DepthImage(np.ones((4, 6), np.float32))
         return CameraObservation(name, Image(rgb), depth, K, self.camera_pose(name), self.time)
+
+
+def _at(trajectory: Trajectory, t: float) -> Array:
+    times = trajectory.times - trajectory.times[0]
+    return np.array([np.interp(t, times, column) for column in trajectory.positions.T])
+
+
+def _refuse_not_finite(trajectory: Trajectory) -> None:
+    if not np.isfinite(trajectory.positions).all():
+        raise MotionError("refused", "The trajectory is not finite.")
 
 
 def _body(name: str, pose: Se3Pose) -> BodyState:

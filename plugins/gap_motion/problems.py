@@ -19,6 +19,7 @@ from gap_cli.contracts.types import (
     Trajectory,
     Vec3,
 )
+from gap_cli.contracts.world import Setpoint
 from gap_motion.body import make_body
 from gap_motion.checker import Checker
 from gap_motion.failures import joint_range
@@ -64,6 +65,18 @@ class StillArm:
     def execute(self, trajectory: Trajectory, *, tolerance: float = 0.01) -> None:
         """Not here."""
         raise NotImplementedError
+
+    def start(self, trajectory: Trajectory, *, tolerance: float = 0.01, replace: bool = False) -> None:
+        """Not here."""
+        raise NotImplementedError
+
+    def finish(self) -> None:
+        """It stands already."""
+
+    def setpoint(self) -> Setpoint:
+        """At its joints."""
+        still = np.zeros(self.spec.dof)
+        return Setpoint(np.array(self.joints), still, still)
 
     def set_gripper(self, width: float, *, force: float | None = None, settle: float = 0.5) -> GripperState:
         """Not here."""

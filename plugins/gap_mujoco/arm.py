@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 
 import numpy as np
 
 from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.task import RobotPlacement
 from gap_cli.contracts.types import ArmState, GripperState, Quaternion, Se3Pose, Trajectory, Vec3
+from gap_cli.contracts.world import Setpoint
+from gap_mujoco import commands
 from gap_mujoco.drive import Drive
-from gap_mujoco.motion import Motion
+from gap_mujoco.jaws import move_jaws
 from gap_mujoco.thread import WorldThread
+
+Stopped = Callable[[], bool]
 
 
 class SimArm:
@@ -38,20 +43,39 @@ class SimArm:
         """Joints, gripper and forward kinematics."""
         return self._thread.call(self._drive.state)
 
+    def setpoint(self) -> Setpoint:
+        """Where the servos want the joints now."""
+        return self._thread.call(lambda: self._drive.applied)
+
     def execute(self, trajectory: Trajectory, *, tolerance: float = 0.01) -> None:
         """Track a joint trajectory; see `gap_cli.contracts.world.Arm.execute`."""
-        self._thread.call(self.motion().execute, trajectory, tolerance)
+        self._thread.call(commands.execute, [self.command(trajectory, tolerance)])
+
+    def start(self, trajectory: Trajectory, *, tolerance: float = 0.01, replace: bool = False) -> None:
+        """Begin to track a joint trajectory; see `gap_cli.contracts.world.Arm.start`."""
+        self._thread.call(commands.start, self.command(trajectory, tolerance), replace=replace)
+
+    def finish(self) -> None:
+        """Let a motion that was started come to its end; see `gap_cli.contracts.world.Arm.finish`."""
+        self._thread.call(commands.finish, self._drive)
 
     def set_gripper(self, width: float, *, force: float | None = None, settle: float = 0.5) -> GripperState:
         """Drive the jaws; see `gap_cli.contracts.world.Arm.set_gripper`."""
-        return self._thread.call(self.motion().set_gripper, width, force, settle)
+        return self._thread.call(self._set_gripper, width, force, settle, self._stopped())
+
+    def _set_gripper(self, width: float, force: float | None, settle: float, stopped: Stopped) -> GripperState:
+        commands.report(self._drive)
+        return move_jaws(self._drive.jaws, width, force, settle, stopped)
 
     def stop(self) -> None:
         """End the command under way and those already asked for, and hold. Later commands are not affected."""
         with self._lock:
             self._stops += 1
 
-    def motion(self) -> Motion:
-        """One command of this arm, which `stop` ends if it is called from now on. For the world's own use."""
+    def command(self, trajectory: Trajectory, tolerance: float) -> commands.Command:
+        """A command of this arm, which `stop` ends if it is called from now on. For the world's own use."""
+        return commands.Command(self._drive, trajectory, tolerance, self._stopped())
+
+    def _stopped(self) -> Stopped:
         seen = self._stops
-        return Motion(self._drive, lambda: self._stops != seen)
+        return lambda: self._stops != seen

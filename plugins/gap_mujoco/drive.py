@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+import mujoco
 import numpy as np
 
 from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.task import RobotPlacement
 from gap_cli.contracts.types import ArmState, Array, JointState, Quaternion, Se3Pose, Vec3
+from gap_cli.contracts.world import Setpoint
+from gap_mujoco.compiled import TIMESTEP
 from gap_mujoco.jaws import Jaws
 from gap_mujoco.physics import Physics
 
+if TYPE_CHECKING:
+    from gap_mujoco.motion import Motion
+
+TORQUE_SHARE = 0.3  # of a joint's torque limit: more than that from outside is a collision
+
 
 class Drive:
-    """Servos of one arm: they hold `target` [rad] moving at `velocity` [rad/s]. Lives on the world's thread."""
+    """Servos of one arm, and the `motion` they are following. Lives on the world's thread.
+
+    The next physics step gets the set-point `target` [rad], `velocity` [rad/s]; the last one got `applied`.
+    """
 
     def __init__(self, index: int, spec: RobotSpec, placement: RobotPlacement, physics: Physics) -> None:
         model = physics.model
@@ -22,12 +35,21 @@ class Drive:
         self._q = np.array([j.qposadr[0] for j in joints])
         self._v = np.array([j.dofadr[0] for j in joints])
         self._u = np.array([model.actuator(f"arm{index}/{name}").id for name in spec.joints])
+        self._damping = model.dof_damping[self._v]
+        self._acceleration = np.array([j.acceleration for j in spec.limits])
+        self.outside_limit = TORQUE_SHARE * np.array([j.torque for j in spec.limits])  # [Nm]
         self._kp, self._kv = model.actuator_gainprm[self._u, 0], -model.actuator_biasprm[self._u, 2]
         self._flange = model.body(f"arm{index}/{spec.flange_link}").id
         w, x, y, z = spec.tcp_offset_quaternion
         self._T_flange_tcp = Se3Pose(Vec3.of(spec.tcp_offset_position), Quaternion(w, x, y, z)).matrix
         self.jaws = Jaws(index, spec, physics)
-        self.target, self.velocity = self._home, np.zeros(spec.dof)
+        self.motion: Motion | None = None
+        self._hold_home()
+
+    def _hold_home(self) -> None:
+        still = np.zeros(self.spec.dof)
+        self.target, self.velocity, self.motion = self._home, still, None
+        self.applied = Setpoint(self._home, still, still)
 
     @property
     def positions(self) -> Array:
@@ -59,11 +81,31 @@ class Drive:
         """Write the home configuration, jaws open, and hold it. Only a reset may."""
         self.physics.data.qpos[self._q] = self._home
         self.jaws.place_open()
-        self.target, self.velocity = self._home, np.zeros(self.spec.dof)
+        self._hold_home()
+
+    def aim(self, target: Array, velocity: Array) -> None:
+        """The set-point of the next step: joints (n,) [rad] and their velocities [rad/s] at its end."""
+        self.target, self.velocity = target, velocity
 
     def drive(self) -> None:
-        """Write this step's controls: the set-point plus what makes the servo arrive there without lag or sag."""
-        data = self.physics.data
-        bias = data.qfrc_bias[self._v] - data.qfrc_gravcomp[self._v]
-        data.ctrl[self._u] = self.target + (self._kv * self.velocity + bias) / self._kp
+        """Write this step's controls: the set-point, and what its motion takes by the arm's own dynamics.
+
+        The servo sees positions as the step begins and, as it is integrated implicitly, velocities as it ends. An
+        acceleration beyond the joint's limit (a set-point that jumps) is fed forward up to that limit.
+        """
+        data, model = self.physics.data, self.physics.model
+        wanted = (self.velocity - self.applied.velocities) / TIMESTEP
+        acceleration = np.clip(wanted, -self._acceleration, self._acceleration)
+        moving, inertia = np.zeros(model.nv), np.zeros(model.nv)
+        moving[self._v] = acceleration
+        mujoco.mj_mulM(model, data, inertia, moving)
+        torque = inertia[self._v] + data.qfrc_bias[self._v] - data.qfrc_gravcomp[self._v]
+        torque += (self._kv + self._damping) * self.velocity
+        data.ctrl[self._u] = self.target - self.velocity * TIMESTEP + torque / self._kp
+        self.applied = Setpoint(self.target, self.velocity, acceleration)
         self.jaws.drive()
+
+    def follow(self) -> None:
+        """After every step: let the motion under way, if any, write its next set-point."""
+        if self.motion is not None:
+            self.motion.advance()

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
+from gap_cli.contracts.failures import MotionError
 from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.types import GripperState
 from gap_mujoco.compiled import TIMESTEP
@@ -14,6 +17,7 @@ DEFAULT_FORCE = 30.0  # [N]: holds 0.5 kg at friction 0.6 against 2 g
 _AT_TARGET = 0.0005  # [m]
 _STILL = 0.002  # [m/s]: slower than that, the jaws are blocked
 _STILL_STEPS = 25
+_MAX_SETTLE = 10.0  # [s]
 _PATIENCE = 1.0  # [s] beyond the time the stroke takes at full speed
 
 
@@ -93,5 +97,33 @@ class Jaws:
         lagging = abs(self._setpoint - self.width) > _AT_TARGET
         return (lagging and self._still >= _STILL_STEPS) or self._waited * TIMESTEP > longest
 
+    def step(self) -> None:
+        """Let one step of world time pass."""
+        self._physics.step()
+
     def _limit(self, force: float) -> None:
         self._physics.model.actuator_forcerange[self._actuator] = np.array([-force, force]) / self._ratio
+
+
+def move_jaws(
+    jaws: Jaws, width: float, force: float | None, settle: float, stopped: Callable[[], bool]
+) -> GripperState:
+    """Drive the jaws until they arrive or are blocked, then let `settle` [s] pass.
+
+    `stopped` is asked before every step. Raises `MotionError`: `refused` before anything moves, `stopped`.
+    """
+    if not 0 <= settle <= _MAX_SETTLE:
+        raise refused(f"a settle time of {settle} s is outside 0 to {_MAX_SETTLE:.0f} s")
+    jaws.aim(width, force)
+
+    def step() -> None:
+        if stopped():
+            jaws.halt()
+            raise MotionError("stopped", "The arm was told to stop.")
+        jaws.step()
+
+    while not jaws.done():
+        step()
+    for _ in range(round(settle / TIMESTEP)):
+        step()
+    return jaws.state()

@@ -22,6 +22,9 @@ class Controller(Protocol):
     def drive(self) -> None:
         """Write this step's controls."""
 
+    def follow(self) -> None:
+        """See what the step did, and prepare the next."""
+
 
 class Physics:
     """State and clock of a compiled cell. `observers` are called after every step and must not change anything."""
@@ -63,6 +66,8 @@ class Physics:
         self._check()
         for observer in tuple(self.observers):
             observer()
+        for controller in self.controllers:
+            controller.follow()
 
     def require_placed(self) -> None:
         """Raise `GapError` before the first reset."""

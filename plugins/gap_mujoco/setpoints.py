@@ -10,6 +10,7 @@ from scipy.interpolate import CubicHermiteSpline
 from gap_cli.contracts.failures import MotionError
 from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.types import Array, Trajectory
+from gap_cli.contracts.world import Setpoint
 from gap_mujoco.compiled import TIMESTEP
 
 START_TOLERANCE = 0.02  # [rad] between a trajectory's start and the arm
@@ -26,13 +27,19 @@ class Setpoints(NamedTuple):
     velocities: Array
 
 
-def setpoints(trajectory: Trajectory, spec: RobotSpec, measured: Array, commanded: Array) -> Setpoints:
+def setpoints(
+    trajectory: Trajectory, spec: RobotSpec, measured: Array, commanded: Array, flying: Setpoint | None = None
+) -> Setpoints:
     """Set-points that lead smoothly from the `commanded` joints into the trajectory, on to its last point.
 
-    Cubic between points where velocities are given, else linear. Raises `MotionError` code `refused` when the
-    trajectory is not finite, not for this arm, does not start at the `measured` joints or leaves a joint limit.
+    Cubic between points where velocities are given, else linear. With `flying` the trajectory must take over from that
+    set-point as it moves. Raises `MotionError` code `refused` when the trajectory is not finite, not for this arm,
+    leaves a joint limit, or does not start at the `measured` joints or go on from the `flying` set-point.
     """
     _check_form(trajectory, spec)
+    if flying is not None:
+        _check_taking_over(trajectory, spec, flying)
+        measured = commanded = flying.positions
     gap = np.abs(trajectory.positions[0] - measured)
     if gap.max() > START_TOLERANCE:
         worst = int(gap.argmax())
@@ -42,9 +49,10 @@ def setpoints(trajectory: Trajectory, spec: RobotSpec, measured: Array, commande
         )
     points = _interpolate(trajectory)
     _check_limits(points, spec)
-    t = (1 + np.arange(len(points.positions))) * TIMESTEP / BLEND
-    fade = np.where(t < 1, (1 - t) ** 2 * (1 + 2 * t), 0.0)[:, None]
-    return Setpoints(points.positions + fade * (commanded - trajectory.positions[0]), points.velocities)
+    t = np.minimum((1 + np.arange(len(points.positions))) * TIMESTEP / BLEND, 1.0)[:, None]
+    gap = commanded - trajectory.positions[0]
+    fade, rate = (1 - t) ** 2 * (1 + 2 * t), -6 * t * (1 - t) / BLEND
+    return Setpoints(points.positions + fade * gap, points.velocities + rate * gap)
 
 
 def refused(problem: str, hint: str = "") -> MotionError:
@@ -65,6 +73,21 @@ def _check_form(trajectory: Trajectory, spec: RobotSpec) -> None:
         raise refused("times must start at 0 and grow")
     if times[-1] > MAX_DURATION:
         raise refused(f"it lasts {times[-1]:.0f} s, longer than {MAX_DURATION:.0f} s")
+
+
+def _check_taking_over(trajectory: Trajectory, spec: RobotSpec, flying: Setpoint) -> None:
+    """One step of the joint's acceleration limit, and rounding, is all the velocity may change by."""
+    if trajectory.velocities is None:
+        raise refused("a trajectory that takes over from a motion needs velocities")
+    limits = np.array([x.acceleration for x in spec.limits])
+    jump = np.abs(trajectory.velocities[0] - flying.velocities)
+    if (jump > limits * TIMESTEP + SLACK).any():
+        worst = int((jump / limits).argmax())
+        raise refused(
+            f"{spec.joints[worst]} moves at {flying.velocities[worst]:.3f} rad/s, "
+            f"the trajectory starts at {trajectory.velocities[0][worst]:.3f} rad/s",
+            "Begin it at Arm.setpoint().",
+        )
 
 
 def _interpolate(trajectory: Trajectory) -> Setpoints:

@@ -13,12 +13,13 @@ from gap_cli.contracts.snapshot import WorldSnapshot
 from gap_cli.contracts.task import Task
 from gap_cli.contracts.types import CameraObservation, Observation, Se3Pose, Trajectory
 from gap_cli.contracts.world import Instance, WorldFrame
+from gap_mujoco import commands
 from gap_mujoco.arm import SimArm
 from gap_mujoco.belief import Belief
 from gap_mujoco.camera import Renderer, camera_pose, observe
 from gap_mujoco.drive import Drive
 from gap_mujoco.listeners import Ear
-from gap_mujoco.lockstep import execute_together
+from gap_mujoco.noise import SensorNoise
 from gap_mujoco.physics import Physics
 from gap_mujoco.scene import compose
 from gap_mujoco.thread import WorldThread
@@ -42,6 +43,7 @@ class MujocoWorld:
     def _build(self, task: Task, scene: str, robots: Mapping[str, RobotSpec]) -> None:
         self._scene = compose(task, scene, robots)
         self._physics = Physics(self._scene)
+        self._noise = SensorNoise(task, self._scene.eyes, self._scene.model)
         placed = self._scene.robots
         self._drives = tuple(Drive(i, spec, place, self._physics) for i, (spec, place) in enumerate(placed))
         self._arms = tuple(SimArm(d, place, self._thread) for d, (_, place) in zip(self._drives, placed, strict=True))
@@ -84,6 +86,7 @@ class MujocoWorld:
             raise BadRequestError("instance", f"The instance and the scene disagree about {', '.join(missing)}.")
         self._start = None
         self._physics.clear()
+        self._noise.draw(instance.seed)
         data = self._physics.data
         for name, pose in instance.poses.items():
             data.joint(f"{name}/").qpos[:] = pose_qpos(pose)
@@ -120,8 +123,14 @@ class MujocoWorld:
     def _observe(self, cameras: Sequence[str] | None) -> Observation:
         self._physics.require_placed()
         names = self.camera_names if cameras is None else cameras
-        frames = tuple(self._frame(name) for name in names)
+        frames = tuple(self._noise.seen(self._frame(name)) for name in names)
         return Observation(frames, tuple(drive.state() for drive in self._drives), self.time)
+
+    def true_frames(self) -> tuple[CameraObservation, ...]:
+        """What perfect cameras would see from where these truly are. Privileged."""
+        assert_privileged("frames without noise")
+        self._physics.require_placed()
+        return self._thread.call(lambda: tuple(self._frame(name) for name in self.camera_names))
 
     def _frame(self, name: str) -> CameraObservation:
         if name not in self._scene.eyes:
@@ -135,19 +144,19 @@ class MujocoWorld:
         return observe(self._renderer, data, eye.element, eye.resolution, eye.fovy, name)
 
     def camera_pose(self, name: str) -> Se3Pose:
-        """T_world_camera (optical). Raises `UnknownNameError`."""
+        """T_world_camera (optical), as calibrated. Raises `UnknownNameError`."""
         if name not in self._scene.eyes:
             raise UnknownNameError("camera", name, self._scene.eyes)
-        return self._thread.call(camera_pose, self._physics.data, self._scene.eyes[name].element)
+        true = self._thread.call(camera_pose, self._physics.data, self._scene.eyes[name].element)
+        return self._noise.calibrated(name, true)
 
     def execute(self, motions: Mapping[int, Trajectory], *, tolerance: float = 0.01) -> None:
         """Move several arms at once; see `gap_cli.contracts.world.LockstepWorld.execute`."""
         unknown = sorted(set(motions) - set(range(len(self._arms))))
         if unknown:
             raise UnknownNameError("arm", str(unknown[0]), [str(i) for i in range(len(self._arms))])
-        order = sorted(motions)
-        commands = [self._arms[i].motion() for i in order]
-        self._thread.call(execute_together, self._physics, commands, [motions[i] for i in order], tolerance)
+        given = [self._arms[i].command(motions[i], tolerance) for i in sorted(motions)]
+        self._thread.call(commands.execute, given)
 
     def wait(self, seconds: float) -> None:
         """Let world time pass."""

@@ -15,6 +15,7 @@ from gap_cli.contracts.types import (
     Se3Pose,
     Vec3,
 )  # fmt: skip
+from gap_cli.contracts.world import Setpoint
 from gap_cli.plugins import load_registry
 from gap_motion.kinematics import chain
 
@@ -38,6 +39,15 @@ class IdealArm:
         assert np.abs(trajectory.positions[0] - self.q).max() < 0.02
         self.executed.append(trajectory)
         self.q = np.array(trajectory.positions[-1])
+
+    def start(self, trajectory, *, tolerance=0.01, replace=False):
+        self.execute(trajectory, tolerance=tolerance)
+
+    def finish(self):
+        pass
+
+    def setpoint(self):
+        return Setpoint(self.q, np.zeros(self.spec.dof), np.zeros(self.spec.dof))
 
     def set_gripper(self, width, *, force=None, settle=0.5):
         self.width = width
