@@ -46,10 +46,11 @@ class StereoDepth(Document):
 class CameraNoise(Document):
     """What separates a camera from a perfect one; all of it zero unless given.
 
-    `depth` and `colour` are drawn for every frame, the rest once per episode. `colour` [levels of 255] is a standard
-    deviation; `light` the largest relative change, up or down, of all lights together and of each on its own. `shift` [m]
-    and `turn` [deg] are the root mean square length and angle of the calibration error: the camera is not quite where
-    it is said to be.
+    `depth` and `colour` are drawn for every frame, the rest once per episode.
+
+    - `colour` [levels of 255]: standard deviation in every channel.
+    - `light`: the largest relative change, up or down, of all lights together and of each on its own.
+    - `shift` [m] and `turn` [deg]: root mean square length and angle by which the camera is not where it is said to be.
     """
 
     depth: StereoDepth | None = None
