@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -33,13 +33,13 @@ class Part:
     centers: Array
     radii: Array
 
-    @property
+    @cached_property
     def middle(self) -> Array:
         """Centre of the sphere around the part, shape (3,)."""
         low, high = (self.centers - self.radii[:, None]).min(axis=0), (self.centers + self.radii[:, None]).max(axis=0)
         return np.asarray((low + high) / 2)
 
-    @property
+    @cached_property
     def reach(self) -> float:
         """Radius of the sphere around the part [m]."""
         return float((np.linalg.norm(self.centers - self.middle, axis=1) + self.radii).max())

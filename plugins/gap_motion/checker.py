@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gap_cli.contracts.types import Array
-from gap_motion.body import STATIC, Body
+from gap_motion.body import Body
 from gap_motion.kinematics import Chain
 from gap_motion.obstacles import Scene
 from gap_motion.placed import Layout, layout
@@ -64,15 +64,10 @@ class Checker:
         slack = np.zeros((len(self.scene.names), len(self.body.parts)))
         for (part, obstacle), depth in self.allowed.items():
             slack[obstacle, part] = depth
-        reach = np.array([part.reach for part in self.body.parts])
-        fixed = np.array([part.frame == STATIC for part in self.body.parts])
-        self._bound = np.where(fixed, -1.0, reach + self.margin - slack).astype(np.float32)
+        self._bound = np.where(self._layout.fixed, -1.0, self._layout.reach + self.margin - slack).astype(np.float32)
         self._slack = slack
         self._is_box = np.array([i not in self.scene.fields for i in range(len(self.scene.names))], dtype=bool)
-        most = max(len(part.radii) for part in self.body.parts)
-        padded = [np.resize(np.arange(len(part.radii)), most) for part in self.body.parts]
-        self._columns = np.array([s[k] for s, k in zip(self._layout.spheres, padded, strict=True)])
-        self._radii = np.array([part.radii[k] for part, k in zip(self.body.parts, padded, strict=True)], np.float32)
+        self._radii = self._layout.radii
 
     def free(self, q: Array) -> bool:
         """True when none of the configurations (N, n) is in collision."""
@@ -155,7 +150,7 @@ class Checker:
 
     def _spheres(self, points: Array, rows: Array, parts: Array) -> Array:
         """Centres of the spheres of (row, part) pairs (F,): shape (F, k, 3); shorter parts repeat theirs."""
-        return points[rows[:, None], :, self._columns[parts]]
+        return points[rows[:, None], :, self._layout.columns[parts]]
 
 
 def _pieces(q: Array) -> list[Array]:

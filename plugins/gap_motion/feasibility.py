@@ -28,7 +28,7 @@ class Feasible(NamedTuple):
 def assess(cell: Cell, free: Checker, reaching: Checker, grasps: Array, offset: float, near: Array) -> Feasible:
     """Assess M grasps, poses of the frame behind the last joint, approached from `offset` [m] before."""
     count = len(grasps)
-    before = np.stack([back_off(cell, T, offset) for T in grasps])
+    before = back_off(cell, grasps, offset)
     rows = within_limits(cell.chain, np.concatenate([before, grasps]), near)
     starts, ends = free_goals(free, rows[:count]), free_goals(reaching, rows[count:])
     has_start, has_end = (np.array([len(q) > 0 for q in side]) for side in (starts, ends))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -10,8 +10,8 @@ import numpy as np
 from gap_cli.contracts.failures import PlanningError
 from gap_cli.contracts.types import Array, Trajectory
 from gap_motion.checker import Checker
-from gap_motion.edges import STEP
-from gap_motion.goals import free_goals, within_limits
+from gap_motion.edges import STEP, Edges
+from gap_motion.goals import cheapest_free, free_goals, within_limits
 from gap_motion.ik import nearest
 from gap_motion.line import follow, interpolate, waypoint_count
 from gap_motion.moves import back_off
@@ -34,15 +34,22 @@ class Reached(NamedTuple):
     pose: int
 
 
-def timed(checker: Checker, waypoints: Array) -> Trajectory | None:
-    """The fastest trajectory along (M, n) waypoints that is free all along, or None."""
+class Approach(NamedTuple):
+    """The straight last stretch to a pose, as joint waypoints (M, n), and the index of the pose."""
+
+    rows: Array
+    pose: int
+
+
+def timed(checker: Checker, waypoints: Array, is_free: Callable[[Trajectory], bool] | None = None) -> Trajectory | None:
+    """The fastest trajectory along (M, n) waypoints that is free all along, or as `is_free` has it; or None."""
     rows = without_repeats(waypoints)
     if len(rows) < 2:
         return Trajectory(np.zeros(1), rows[:1], np.zeros((1, rows.shape[1])))
     for corner in CORNERS if len(rows) > 2 else CORNERS[:1]:
         path = polyline(rows, velocity_limits(checker.chain.spec), corner)
         trajectory = time_path(path, checker.chain)
-        if checker.free(trajectory.positions):
+        if checker.free(trajectory.positions) if is_free is None else is_free(trajectory):
             return trajectory
     return None
 
@@ -87,35 +94,42 @@ def to_grasps(
     """
     cell = situation.cell
     free, reaching = situation.checker(start), situation.checker(start, reaching=True, grasped=grasped)
-    before = np.stack([back_off(cell, T, approach) for T in grasps])
-    rows = within_limits(cell.chain, before, start)
-    candidates, owner = _flatten(free_goals(free, rows))
-    order = np.argsort([np.abs(q - start).max() for q in candidates], kind="stable")
-    goals, ends, tails, blocked = [], [], [], None
-    for k in order:
+    before = back_off(cell, grasps, approach)
+    lines: list[Approach] = []
+    blocked: PlanningError | None = None
+    for q, pose in cheapest_free(free, before, start):
         try:
-            tail = approach_line(cell, candidates[k], before[owner[k]], grasps[owner[k]])
+            line = Approach(approach_line(cell, q, before[pose], grasps[pose]), pose)
+            _refuse_approach(reaching, line.rows)
         except PlanningError as error:
             blocked = blocked or error
             continue
-        contact = reaching.first_contact(tail)
-        if contact is not None:
-            blocked = blocked or PlanningError("in_collision", f"The approach is in collision: {contact}.")
-            continue
-        goals.append(candidates[k])
-        ends.append(int(owner[k]))
-        tails.append(tail)
-        if len(goals) == LINES:
+        if search is None and Edges(free).free(start, q):
+            found = _timed_approach(free, reaching, start[None], line)
+            if found is not None:
+                return Reached(found, pose)
+        lines.append(line)
+        if len(lines) == LINES:
             break
-    if not goals:
-        raise blocked or _no_goal(cell, free, before, rows, start)
-    return _connect(free, start, np.array(goals), np.array(ends), seed, tails=tails, reaching=reaching, search=search)
+    if not lines:
+        raise blocked or _no_goal(cell, free, before, within_limits(cell.chain, before, start), start)
+    return _approached(free, reaching, start, lines, seed, search)
 
 
 def approach_line(cell: Cell, q: Array, before: Array, grasp: Array) -> Array:
     """Joint waypoints of the straight line from `before` to `grasp` (4, 4), starting at `q` (n,)."""
     way = interpolate(before @ cell.chain.tcp, grasp @ cell.chain.tcp, waypoint_count(before, grasp))
     return follow(cell.chain, way @ np.linalg.inv(cell.chain.tcp), q, "the approach")
+
+
+def _refuse_approach(reaching: Checker, rows: Array) -> None:
+    contact = reaching.first_contact(rows)
+    if contact is not None:
+        raise PlanningError(
+            "in_collision",
+            f"The approach is in collision: {contact} at waypoint {contact.index} of {len(rows) - 1}.",
+            detail={"pair": [contact.link, contact.other], "waypoint": contact.index},
+        )
 
 
 def _connect(
@@ -125,33 +139,48 @@ def _connect(
     owner: Array,
     seed: int,
     improve: bool = False,
-    tails: Sequence[Array] = (),
-    reaching: Checker | None = None,
     search: Search | None = None,
 ) -> Reached:
-    """Plan to the goals, append the chosen one's straight tail, if any, and time the whole."""
+    """Plan to the goals (G, n), which lead to the poses `owner` (G,), and time the path."""
     for attempt, step in enumerate(TRIES):
         path = plan(checker, start, goals, seed + 7919 * attempt, improve, step, search=search)
-        if reaching is None:
-            found = timed(checker, path.waypoints)
-        else:
-            tail = tails[path.goal]
-            found = timed(reaching, np.concatenate([path.waypoints, tail[1:]]))
-            if found is not None and not checker.free(_before(found, tail[0])):
-                found = None
+        found = timed(checker, path.waypoints)
         if found is not None:
             return Reached(found, int(owner[path.goal]))
-    raise PlanningError(
+    raise _not_free_in_time()
+
+
+def _approached(
+    free: Checker, reaching: Checker, start: Array, lines: list[Approach], seed: int, search: Search | None
+) -> Reached:
+    """Plan to where one of the straight approaches begins, and time the whole."""
+    goals = np.array([line.rows[0] for line in lines])
+    for attempt, step in enumerate(TRIES):
+        path = plan(free, start, goals, seed + 7919 * attempt, step=step, search=search)
+        found = _timed_approach(free, reaching, path.waypoints[:-1], lines[path.goal])
+        if found is not None:
+            return Reached(found, lines[path.goal].pose)
+    raise _not_free_in_time()
+
+
+def _timed_approach(free: Checker, reaching: Checker, way: Array, line: Approach) -> Trajectory | None:
+    """Free until it turns into the straight approach, from there on as free as reaching asks for; or None."""
+
+    def is_free(trajectory: Trajectory) -> bool:
+        q = trajectory.positions
+        corner = int(np.argmin(np.abs(q - line.rows[0]).max(axis=1)))
+        turn = max(1, corner - CORNER_SAMPLES)
+        return free.free(q[:turn]) and reaching.free(q[turn:])
+
+    return timed(reaching, np.concatenate([way, line.rows]), is_free)
+
+
+def _not_free_in_time() -> PlanningError:
+    return PlanningError(
         "no_path",
         f"No motion stayed free once it was timed, in {len(TRIES)} tries.",
         hint="Try another seed, or a smaller collision_margin.",
     )
-
-
-def _before(trajectory: Trajectory, q: Array) -> Array:
-    """The samples of a trajectory up to where it rounds the corner at `q` (n,), and the first one at least."""
-    corner = int(np.argmin(np.abs(trajectory.positions - q).max(axis=1)))
-    return trajectory.positions[: max(1, corner - CORNER_SAMPLES)]
 
 
 def _flatten(rows: list[Array]) -> tuple[Array, Array]:

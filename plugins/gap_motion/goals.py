@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from gap_cli.contracts.types import Array
@@ -10,6 +12,7 @@ from gap_motion.ik import DENSE, candidates, closed_form, cost, inside
 from gap_motion.kinematics import Chain
 
 TRY, KEEP = 6, 3  # per pose: configurations checked for collision first, and kept
+PIECE = 48  # of all poses' configurations, cheapest first, how many are checked at a time
 FEW = 10  # values of a free joint tried per pose when there are many poses
 
 
@@ -18,13 +21,38 @@ def within_limits(chain: Chain, T: Array, near: Array) -> list[Array]:
     found = candidates(chain, T, near, FEW if len(T) > 4 else 24)
     good, price = inside(chain, found), cost(chain, found, near)
     rows = [q[g][np.argsort(p[g], kind="stable")] for q, g, p in zip(found, good, price, strict=True)]
+    return [q if len(q) else _dense(chain, pose, near) for q, pose in zip(rows, T, strict=True)]
+
+
+def _dense(chain: Chain, T: Array, near: Array) -> Array:
+    """Configurations for a pose (4, 4) that leaves a free joint a narrow window, cheapest first; (0, n) for none."""
     form = closed_form(chain)
-    for i, q in enumerate(rows):
-        if not len(q) and form is not None and form.free:
-            dense = candidates(chain, T[i : i + 1], near, DENSE)[0]
-            dense = dense[inside(chain, dense)]
-            rows[i] = dense[np.argsort(cost(chain, dense, near), kind="stable")]
-    return rows
+    if form is None or not form.free:
+        return np.zeros((0, chain.dof))
+    found = candidates(chain, T[None], near, DENSE)[0]
+    found = found[inside(chain, found)]
+    return np.asarray(found[np.argsort(cost(chain, found, near), kind="stable")])
+
+
+def cheapest_free(checker: Checker, T: Array, near: Array, keep: int = KEEP) -> Iterator[tuple[Array, int]]:
+    """Free configurations (n,) for any of M poses, cheapest first over all poses, each with the index of its pose.
+
+    At most `keep` for a pose. They are checked as they are asked for, so the first ones come soon.
+    """
+    chain = checker.chain
+    found = candidates(chain, T, near, FEW if len(T) > 4 else 24)
+    good = inside(chain, found)
+    owner, q = np.nonzero(good)[0], found[good]
+    order = np.argsort(cost(chain, q, near), kind="stable")
+    given = np.zeros(len(T), dtype=int)
+    for part in (order[i : i + PIECE] for i in range(0, len(order), PIECE)):
+        for k in part[checker.valid(q[part])]:
+            if given[owner[k]] < keep:
+                given[owner[k]] += 1
+                yield q[k], int(owner[k])
+    for i in np.flatnonzero(~good.any(axis=1)):
+        for free in _valid(checker, [_dense(chain, T[i], near)])[0][:keep]:
+            yield free, int(i)
 
 
 def free_goals(checker: Checker, rows: list[Array], keep: int = KEEP) -> list[Array]:

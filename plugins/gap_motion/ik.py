@@ -14,10 +14,9 @@ import numpy as np
 
 from gap_cli.contracts.types import Array
 from gap_motion import ik_6r, ik_7r
-from gap_motion.failures import joint_range, outside_limits, unreachable
+from gap_motion.failures import outside_limits, unreachable
 from gap_motion.ik_numeric import descend, spread
 from gap_motion.kinematics import Chain
-from gap_motion.paths import velocity_limits
 
 COARSE, FINE = 24, 10  # values of the free joint tried over its range, and around the best so far
 DENSE = 240  # values tried when the coarse ones give nothing: some poses leave the free joint a window of 1 degree
@@ -34,7 +33,7 @@ def candidates(chain: Chain, T: Array, near: Array, count: int = COARSE) -> Arra
     Returns (M, K, n), NaN where there is none. Limits are respected by the numeric solver only; see `inside`.
     """
     form = closed_form(chain)
-    low, high = joint_range(chain.spec)
+    low, high = chain.low, chain.high
     if form is not None:
         spread_out = np.linspace(low[-1], high[-1], count if form.free else 0)
         free = np.append(spread_out, near[-1])
@@ -47,9 +46,11 @@ def candidates(chain: Chain, T: Array, near: Array, count: int = COARSE) -> Arra
 
 def into_range(chain: Chain, q: Array, near: Array) -> Array:
     """The configurations (..., n), each joint turned by whole turns: nearest to `near`, inside if it can be."""
-    low, high = joint_range(chain.spec)
+    low, high = chain.low, chain.high
     turned = q + TURN * np.round((near - q) / TURN)
     with np.errstate(invalid="ignore"):
+        if not ((turned < low) | (turned > high)).any():
+            return np.asarray(turned)
         return np.asarray(
             turned + TURN * (np.ceil((low - turned) / TURN).clip(0) - np.ceil((turned - high) / TURN).clip(0))
         )
@@ -57,7 +58,7 @@ def into_range(chain: Chain, q: Array, near: Array) -> Array:
 
 def inside(chain: Chain, q: Array, margin: float = 0.0) -> Array:
     """Which configurations (..., n) are inside the joint limits by `margin` [rad]; NaN is not."""
-    low, high = joint_range(chain.spec)
+    low, high = chain.low, chain.high
     with np.errstate(invalid="ignore"):
         return np.asarray(((q >= low + margin) & (q <= high - margin)).all(axis=-1))
 
@@ -67,8 +68,8 @@ def cost(chain: Chain, q: Array, near: Array) -> Array:
 
     The slowest joint's time at full acceleration and speed counts, and the others' a little, so that none wanders.
     """
-    low, high = joint_range(chain.spec)
-    v, a = velocity_limits(chain.spec), np.array([limit.acceleration for limit in chain.spec.limits])
+    low, high = chain.low, chain.high
+    v, a = chain.velocity, chain.acceleration
     way = np.abs(q - near)
     times = np.where(way < v * v / a, 2 * np.sqrt(way / a), way / v + v / a)
     edge = np.maximum(EDGE - np.minimum(q - low, high - q), 0.0).sum(axis=-1)
@@ -90,7 +91,7 @@ def nearest(chain: Chain, T: Array, near: Array, what: str = "the pose") -> Arra
     if not good.any():
         raise _why_not(chain, T, found, near, what)
     best = _cheapest(chain, found[good], near)
-    low, high = joint_range(chain.spec)
+    low, high = chain.low, chain.high
     width = (high[-1] - low[-1]) / COARSE
     while form is not None and form.free and width > 0.005:
         free = np.clip(best[-1] + np.linspace(-width, width, FINE), low[-1], high[-1])
@@ -107,7 +108,7 @@ def free_joint_grid(chain: Chain, center: float, reach: float, count: int) -> Ar
         return None
     if not form.free:
         return np.array([center])
-    low, high = joint_range(chain.spec)
+    low, high = chain.low, chain.high
     return np.clip(center + np.linspace(-reach, reach, count), low[-1], high[-1])
 
 
@@ -144,7 +145,7 @@ def closed_form(chain: Chain) -> ClosedForm | None:
 def _why_not(chain: Chain, T: Array, found: Array, near: Array, what: str) -> Exception:
     outside = found[~np.isnan(found).any(axis=-1)]
     if len(outside):
-        low, high = joint_range(chain.spec)
+        low, high = chain.low, chain.high
         excess = np.maximum(low - outside, outside - high).max(axis=-1)
         return outside_limits(chain.spec, outside[int(np.argmin(excess))], what)
     joints = chain.frames(near)[1:, 0, :3, 3]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,31 @@ class Chain:
     def dof(self) -> int:
         """Number of arm joints."""
         return len(self.before)
+
+    @cached_property
+    def low(self) -> Array:
+        """Lower joint limits [rad], shape (n,); this and the next are read-only, since everyone shares them."""
+        return self._limits("lower")
+
+    @cached_property
+    def high(self) -> Array:
+        """Upper joint limits [rad], shape (n,)."""
+        return self._limits("upper")
+
+    @cached_property
+    def velocity(self) -> Array:
+        """Velocity limits [rad/s], shape (n,)."""
+        return self._limits("velocity")
+
+    @cached_property
+    def acceleration(self) -> Array:
+        """Acceleration limits [rad/s^2], shape (n,)."""
+        return self._limits("acceleration")
+
+    def _limits(self, kind: str) -> Array:
+        values = np.array([getattr(limit, kind) for limit in self.spec.limits])
+        values.flags.writeable = False
+        return values
 
     def frames(self, q: Array, base: Array | None = None) -> Array:
         """Frames behind every joint for configurations (N, n): homogeneous (n, N, 4, 4), of the dtype of `q`."""

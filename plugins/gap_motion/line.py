@@ -7,24 +7,24 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from gap_cli.contracts.failures import PlanningError
 from gap_cli.contracts.types import Array
-from gap_motion.failures import joint_range
-from gap_motion.ik import candidates_at, cost, free_joint_grid, inside, into_range, nearest
+from gap_motion.ik import TURN, candidates_at, cost, free_joint_grid, inside, nearest
 from gap_motion.ik_numeric import descend
 from gap_motion.kinematics import Chain
-from gap_motion.paths import velocity_limits
 
 SPACING, TURNING = 0.01, 0.05  # m, rad between the waypoints that inverse kinematics is solved at
 AT_LEAST, AT_MOST = 9, 150
 JUMP = 0.35  # rad: a larger joint step between neighbouring waypoints is a change of branch
 FREE_RANGE, FREE_COUNT = 1.2, 17  # rad, values: how far the free joint may drift over a line
+SAME = 1e-12  # between entries of two rotation matrices: the line does not turn
 DETOUR = 2.0  # times the direct joint distance: a longer line is tried again by tracking
 
 
 def interpolate(start: Array, end: Array, count: int) -> Array:
     """Poses (count, 4, 4) from start to end: straight in position, constant axis in rotation."""
     s = np.linspace(0.0, 1.0, count)
-    T = np.tile(np.eye(4), (count, 1, 1))
-    T[:, :3, :3] = Slerp([0, 1], Rotation.from_matrix(np.stack([start[:3, :3], end[:3, :3]])))(s).as_matrix()
+    T = np.tile(start, (count, 1, 1))
+    if np.abs(end[:3, :3] - start[:3, :3]).max() > SAME:
+        T[:, :3, :3] = Slerp([0, 1], Rotation.from_matrix(np.stack([start[:3, :3], end[:3, :3]])))(s).as_matrix()
     T[:, :3, 3] = start[:3, 3] + s[:, None] * (end[:3, 3] - start[:3, 3])
     return T
 
@@ -32,7 +32,7 @@ def interpolate(start: Array, end: Array, count: int) -> Array:
 def waypoint_count(start: Array, end: Array) -> int:
     """How many waypoints a line needs."""
     distance = np.linalg.norm(end[:3, 3] - start[:3, 3])
-    angle = Rotation.from_matrix(end[:3, :3] @ start[:3, :3].T).magnitude()
+    angle = np.arccos(np.clip((np.trace(end[:3, :3] @ start[:3, :3].T) - 1) / 2, -1.0, 1.0))
     return int(np.clip(1 + np.ceil(max(distance / SPACING, angle / TURNING)), AT_LEAST, AT_MOST))
 
 
@@ -57,7 +57,7 @@ def follow(chain: Chain, poses: Array, start: Array, what: str = "the line") -> 
 
 def _length(chain: Chain, q: Array) -> float:
     """Length of a joint path (M, n) [s at full speed]."""
-    return float((np.abs(np.diff(q, axis=0)) / velocity_limits(chain.spec)).max(axis=1).sum())
+    return float((np.abs(np.diff(q, axis=0)) / chain.velocity).max(axis=1).sum())
 
 
 def _follow_branches(chain: Chain, poses: Array, start: Array) -> Array | None:
@@ -70,14 +70,16 @@ def _follow_branches(chain: Chain, poses: Array, start: Array) -> Array | None:
     q, every = np.broadcast_to(start, (len(free), chain.dof)), np.arange(len(free))
     rows, alive, length = [q], np.ones(len(free), dtype=bool), np.zeros(len(free))
     for step in range(1, len(poses)):
-        options = into_range(chain, found[step], q[:, None])
-        gap = np.where(inside(chain, options), np.abs(options - q[:, None]).max(axis=-1), np.inf)
-        pick = gap.argmin(axis=1)
-        alive = alive & (gap[every, pick] < JUMP)
+        way = found[step] - q[:, None]
+        way -= TURN * np.round(way / TURN)
+        gap = np.abs(way).max(axis=-1)
+        gap[np.isnan(gap)] = np.inf
+        options, pick = q[:, None] + way, gap.argmin(axis=1)
+        alive = alive & (gap[every, pick] < JUMP) & inside(chain, options[every, pick])
         if not alive.any():
             return None
         q = np.where(alive[:, None], options[every, pick], q)
-        length += (np.abs(q - rows[-1]) / velocity_limits(chain.spec)).max(axis=1)
+        length += (np.abs(q - rows[-1]) / chain.velocity).max(axis=1)
         rows.append(q)
     price = np.where(alive, length + cost(chain, q, q), np.inf)
     return np.stack(rows)[:, int(np.argmin(price))]
@@ -87,7 +89,7 @@ def _track(chain: Chain, poses: Array, start: Array, what: str) -> Array:
     """Waypoint by waypoint with damped least squares: any arm, and through singularities of the closed forms."""
     rows = [start]
     for step in range(1, len(poses)):
-        q = descend(chain, poses[step : step + 1], rows[-1][None], joint_range(chain.spec), iterations=30)[0]
+        q = descend(chain, poses[step : step + 1], rows[-1][None], (chain.low, chain.high), iterations=30)[0]
         if np.isnan(q).any() or np.abs(q - rows[-1]).max() > JUMP:
             raise _stuck(chain, poses, step, rows[-1][None], what)
         rows.append(q)

@@ -56,9 +56,9 @@ def line_waypoints(cell: Cell, start: Array, goal: Array, count: int = 0) -> tup
 
 
 def back_off(cell: Cell, last_frame: Array, distance: float) -> Array:
-    """The pose of the frame behind the last joint when the TCP is `distance` [m] back along its approach axis."""
+    """Poses (..., 4, 4) of the frame behind the last joint, `distance` [m] back along the TCP's approach axis."""
     T = last_frame.copy()
-    T[:3, 3] -= distance * (last_frame @ cell.chain.tcp)[:3, 2]
+    T[..., :3, 3] -= distance * (last_frame @ cell.chain.tcp)[..., :3, 2]
     return T
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -72,15 +73,23 @@ class Scene:
 
     def bounds_distance(self, points: Array) -> Array:
         """A lower bound of the distance from points (N, 3, L) to every obstacle: shape (N, M, L), single precision."""
-        turn = self.to_local.reshape(-1, 3).astype(np.float32)
-        shift = np.einsum("mij,mj->mi", self.to_local, self.centers).reshape(-1, 1).astype(np.float32)
-        local = turn @ points - shift
+        turn, shift, half, rounding = self._rows
+        local = turn @ points
+        local -= shift
         np.abs(local, out=local)
-        local -= self.half.reshape(-1, 1).astype(np.float32)
+        local -= half
         np.maximum(local, 0.0, out=local)
         local *= local
         distance = np.sqrt(local.reshape(len(points), len(self.names), 3, -1).sum(axis=2))
-        return np.asarray(distance - self.rounding[:, None].astype(np.float32))
+        return np.asarray(distance - rounding)
+
+    @cached_property
+    def _rows(self) -> tuple[Array, Array, Array, Array]:
+        """The boxes' axes, offsets along them and half sizes, one axis a row, and their roundings; single precision."""
+        shift = np.einsum("mij,mj->mi", self.to_local, self.centers).reshape(-1, 1)
+        rows = (self.to_local.reshape(-1, 3), shift, self.half.reshape(-1, 1), self.rounding[:, None])
+        turn, shift, half, rounding = (row.astype(np.float32) for row in rows)
+        return turn, shift, half, rounding
 
 
 def make_scene(config: WorldConfig | None, without: Collection[str] = ()) -> Scene:

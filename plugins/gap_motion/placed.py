@@ -26,13 +26,18 @@ class SelfGroup(NamedTuple):
 class Layout:
     """One column per sphere, then one per part, for all configurations: what every check works on.
 
-    `blocks` are (frame, columns, homogeneous centres (4, k)); `spheres[part]` and `around[part]` are columns.
+    `blocks` are (frame, columns, homogeneous centres (4, k)); `spheres[part]` and `around[part]` are columns. `columns`
+    and `radii` (P, k) are the spheres' again, in one table: shorter parts repeat theirs. `reach` (P,) [m] is a part's.
     """
 
     blocks: tuple[tuple[int, slice, Array], ...]
     count: int
     spheres: tuple[Array, ...]
     around: Array
+    columns: Array
+    radii: Array
+    reach: Array
+    fixed: Array
     groups: tuple[SelfGroup, ...]
     owner: Array
 
@@ -75,8 +80,20 @@ def layout(body: Body) -> Layout:
                 owner += [i] * (len(part.radii) + 1)
         centers = np.concatenate([np.array(rows).T, np.ones((1, len(rows)))]).astype(np.float32)
         blocks.append((frame, slice(start, column), centers))
-    groups = tuple(_groups(body, tuple(spheres), around))
-    return Layout(tuple(blocks), column, tuple(spheres), around, groups, np.array(owner))
+    most = max(len(part.radii) for part in body.parts)
+    padded = [np.resize(np.arange(len(part.radii)), most) for part in body.parts]
+    return Layout(
+        tuple(blocks),
+        column,
+        tuple(spheres),
+        around,
+        columns=np.array([s[k] for s, k in zip(spheres, padded, strict=True)]),
+        radii=np.array([part.radii[k] for part, k in zip(body.parts, padded, strict=True)], dtype=np.float32),
+        reach=np.array([part.reach for part in body.parts]),
+        fixed=np.array([part.frame == STATIC for part in body.parts]),
+        groups=tuple(_groups(body, tuple(spheres), around)),
+        owner=np.array(owner),
+    )
 
 
 def _groups(body: Body, spheres: tuple[Array, ...], around: Array) -> list[SelfGroup]:

@@ -115,9 +115,11 @@ def _pass(ceiling: Array, d1: Array, d2: Array, a: Array, step: float) -> Array:
     end = 1.0 / np.maximum(1.0 + bend[1:], 1e-9)
     still = np.where(bend[1:] > -1.0, push[1:] * end, np.inf)  # bounds are still + x * gain, joint by joint
     constant, gain = np.concatenate([push[:-1], still], axis=1), np.concatenate([1.0 - bend[:-1], end], axis=1)
-    x, out = 0.0, [0.0]
-    for top, c, g in zip(ceiling[1:].tolist(), constant, gain, strict=True):
-        x = max(min(top, float((c + g * x).min())), 0.0)
+    along = (constant + gain * ceiling[:-1, None]).min(axis=1) >= ceiling[1:]  # steps that can follow the ceiling
+    x, at_ceiling, out = 0.0, False, [0.0]
+    for top, can, c, g in zip(ceiling[1:].tolist(), along.tolist(), constant, gain, strict=True):
+        x = top if at_ceiling and can else max(min(top, float((c + g * x).min())), 0.0)
+        at_ceiling = x == top
         out.append(x)
     return np.array(out)
 
