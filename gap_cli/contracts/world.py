@@ -32,11 +32,13 @@ class WorldFrame:
 
 @dataclass(frozen=True)
 class Setpoint:
-    """Where an arm's controller wants its joints at this instant [rad, rad/s, rad/s^2], shapes (n,)."""
+    """Where an arm's controller wants its joints at this instant [rad, rad/s, rad/s^2], and where the motion under way
+    ends (`goal` [rad]; the positions when none is); shapes (n,)."""
 
     positions: Array
     velocities: Array
     accelerations: Array
+    goal: Array
 
 
 class Arm(Protocol):
@@ -78,8 +80,13 @@ class Arm(Protocol):
     def setpoint(self) -> Setpoint:
         """Where the controller wants the joints now: what a trajectory that takes over must begin with."""
 
-    def set_gripper(self, width: float, *, force: float | None = None, settle: float = 0.5) -> GripperState:
-        """Drive the jaws to `width` [m] with at most `force` [N] and let `settle` [s] of world time pass."""
+    def set_gripper(
+        self, width: float, *, force: float | None = None, settle: float = 0.5, wait: bool = True
+    ) -> GripperState:
+        """Drive the jaws to `width` [m] with at most `force` [N] and let `settle` [s] of world time pass.
+
+        With `wait` false it returns at once; the jaws go on whenever world time passes.
+        """
 
     def stop(self) -> None:
         """Stop inside the limits and hold. Safe to call from any thread, at any time, repeatedly.

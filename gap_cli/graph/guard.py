@@ -150,10 +150,12 @@ class GuardedArm:
         with self._world.inside():
             return self._arm.setpoint()
 
-    def set_gripper(self, width: float, *, force: float | None = None, settle: float = 0.5) -> GripperState:
+    def set_gripper(
+        self, width: float, *, force: float | None = None, settle: float = 0.5, wait: bool = True
+    ) -> GripperState:
         """Drive the jaws; needs the lease of this gripper."""
         with self._world.inside(f"gripper:{self._id}"):
-            return self._arm.set_gripper(width, force=force, settle=settle)
+            return self._arm.set_gripper(width, force=force, settle=settle, wait=wait)
 
     def stop(self) -> None:
         """Stop and hold. Always allowed."""

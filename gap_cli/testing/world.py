@@ -101,10 +101,12 @@ class FakeArm:
     def setpoint(self) -> Setpoint:
         """Where the joints are, and how they move."""
         now, slope = self._joints, np.zeros_like(self._joints)
+        goal = now
         if self._under_way is not None:
             trajectory, began = self._under_way
             slope = (_at(trajectory, self._world.time - began + STEP_S) - now) / STEP_S
-        return Setpoint(now, slope, np.zeros_like(now))
+            goal = trajectory.positions[-1]
+        return Setpoint(now, slope, np.zeros_like(now), goal)
 
     def follow(self) -> None:
         """After time has passed: be where the trajectory that was started is by now."""
@@ -118,10 +120,13 @@ class FakeArm:
         """Forget what was started."""
         self._under_way = None
 
-    def set_gripper(self, width: float, *, force: float | None = None, settle: float = 0.5) -> GripperState:
+    def set_gripper(
+        self, width: float, *, force: float | None = None, settle: float = 0.5, wait: bool = True
+    ) -> GripperState:
         """Set the jaws."""
         self.commands.append("set_gripper")
-        self._world.advance(settle, self._stop)
+        if wait:
+            self._world.advance(settle, self._stop)
         self._width = float(np.clip(width, 0.0, self.spec.gripper.max_width))
         return self.state().gripper
 

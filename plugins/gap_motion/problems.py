@@ -76,9 +76,11 @@ class StillArm:
     def setpoint(self) -> Setpoint:
         """At its joints."""
         still = np.zeros(self.spec.dof)
-        return Setpoint(np.array(self.joints), still, still)
+        return Setpoint(np.array(self.joints), still, still, np.array(self.joints))
 
-    def set_gripper(self, width: float, *, force: float | None = None, settle: float = 0.5) -> GripperState:
+    def set_gripper(
+        self, width: float, *, force: float | None = None, settle: float = 0.5, wait: bool = True
+    ) -> GripperState:
         """Not here."""
         raise NotImplementedError
 

@@ -13,10 +13,7 @@ from gap_cli.contracts.types import ArmState, GripperState, Quaternion, Se3Pose,
 from gap_cli.contracts.world import Setpoint
 from gap_mujoco import commands
 from gap_mujoco.drive import Drive
-from gap_mujoco.jaws import move_jaws
 from gap_mujoco.thread import WorldThread
-
-Stopped = Callable[[], bool]
 
 
 class SimArm:
@@ -45,7 +42,7 @@ class SimArm:
 
     def setpoint(self) -> Setpoint:
         """Where the servos want the joints now."""
-        return self._thread.call(lambda: self._drive.applied)
+        return self._thread.call(self._drive.setpoint)
 
     def execute(self, trajectory: Trajectory, *, tolerance: float = 0.01) -> None:
         """Track a joint trajectory; see `gap_cli.contracts.world.Arm.execute`."""
@@ -59,13 +56,18 @@ class SimArm:
         """Let a motion that was started come to its end; see `gap_cli.contracts.world.Arm.finish`."""
         self._thread.call(commands.finish, self._drive)
 
-    def set_gripper(self, width: float, *, force: float | None = None, settle: float = 0.5) -> GripperState:
+    def set_gripper(
+        self, width: float, *, force: float | None = None, settle: float = 0.5, wait: bool = True
+    ) -> GripperState:
         """Drive the jaws; see `gap_cli.contracts.world.Arm.set_gripper`."""
-        return self._thread.call(self._set_gripper, width, force, settle, self._stopped())
+        return self._thread.call(self._set_gripper, width, force, settle if wait else None, self._stopped())
 
-    def _set_gripper(self, width: float, force: float | None, settle: float, stopped: Stopped) -> GripperState:
+    def _set_gripper(
+        self, width: float, force: float | None, settle: float | None, stopped: Callable[[], bool]
+    ) -> GripperState:
         commands.report(self._drive)
-        return move_jaws(self._drive.jaws, width, force, settle, stopped)
+        self._drive.jaws.move(width, force, settle, stopped)
+        return self._drive.jaws.state()
 
     def stop(self) -> None:
         """End the command under way and those already asked for, and hold. Later commands are not affected."""
@@ -76,6 +78,6 @@ class SimArm:
         """A command of this arm, which `stop` ends if it is called from now on. For the world's own use."""
         return commands.Command(self._drive, trajectory, tolerance, self._stopped())
 
-    def _stopped(self) -> Stopped:
+    def _stopped(self) -> Callable[[], bool]:
         seen = self._stops
         return lambda: self._stops != seen

@@ -14,6 +14,7 @@ from gap_cli.contracts.world import Setpoint
 from gap_mujoco.compiled import TIMESTEP
 from gap_mujoco.jaws import Jaws
 from gap_mujoco.physics import Physics
+from gap_mujoco.setpoints import Applied
 
 if TYPE_CHECKING:
     from gap_mujoco.motion import Motion
@@ -49,7 +50,7 @@ class Drive:
     def _hold_home(self) -> None:
         still = np.zeros(self.spec.dof)
         self.target, self.velocity, self.motion = self._home, still, None
-        self.applied = Setpoint(self._home, still, still)
+        self.applied = Applied(self._home, still, still)
 
     @property
     def positions(self) -> Array:
@@ -77,6 +78,12 @@ class Drive:
         joints = JointState(self.positions, self.velocities, self.physics.data.qfrc_actuator[self._v])
         return ArmState(self.index, joints, self.jaws.state(), self.tcp())
 
+    def setpoint(self) -> Setpoint:
+        """Where the servos want the joints, and where the motion under way ends."""
+        motion = self.motion
+        goal = motion.goal if motion is not None and motion.going_on else self.applied.positions
+        return Setpoint(*self.applied, goal)
+
     def place_home(self) -> None:
         """Write the home configuration, jaws open, and hold it. Only a reset may."""
         self.physics.data.qpos[self._q] = self._home
@@ -102,7 +109,7 @@ class Drive:
         torque = inertia[self._v] + data.qfrc_bias[self._v] - data.qfrc_gravcomp[self._v]
         torque += (self._kv + self._damping) * self.velocity
         data.ctrl[self._u] = self.target - self.velocity * TIMESTEP + torque / self._kp
-        self.applied = Setpoint(self.target, self.velocity, acceleration)
+        self.applied = Applied(self.target, self.velocity, acceleration)
         self.jaws.drive()
 
     def follow(self) -> None:

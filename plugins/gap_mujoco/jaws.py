@@ -40,6 +40,7 @@ class Jaws:
         physics.forward()
         self._ratio = float(physics.data.actuator_length[self._actuator]) / spec.gripper.max_width
         self._setpoint = self._target = spec.gripper.max_width
+        self._stopped: Callable[[], bool] = lambda: False
         self._still = self._waited = 0
 
     @property
@@ -57,14 +58,25 @@ class Jaws:
         """Write the open position and hold it with the default force. Only a reset may."""
         self._physics.data.qpos[self._q] = self._open
         self._setpoint = self._target = self._spec.max_width
+        self._stopped = lambda: False
         self._limit(DEFAULT_FORCE)
 
-    def halt(self) -> None:
-        """Go no further, and keep squeezing what is held."""
-        self._target = self._setpoint
+    def move(self, width: float, force: float | None, settle: float | None, stopped: Callable[[], bool]) -> None:
+        """Drive to `width` [m] with at most `force` [N] until there or blocked, and let `settle` [s] pass.
 
-    def aim(self, width: float, force: float | None) -> None:
-        """Begin to drive to `width` [m] with at most `force` [N]. Raises `MotionError` code `refused`."""
+        With `settle` None only begin. Once `stopped`, they go no further and keep squeezing. Raises `MotionError`:
+        `refused` before anything moves, `stopped`.
+        """
+        if settle is not None and not 0 <= settle <= _MAX_SETTLE:
+            raise refused(f"a settle time of {settle} s is outside 0 to {_MAX_SETTLE:.0f} s")
+        self._aim(width, force, stopped)
+        if settle is not None:
+            while not self._done():
+                self._step()
+            for _ in range(round(settle / TIMESTEP)):
+                self._step()
+
+    def _aim(self, width: float, force: float | None, stopped: Callable[[], bool]) -> None:
         limit = DEFAULT_FORCE if force is None else force
         if not 0 <= width <= self._spec.max_width + 1e-9:
             raise refused(f"a jaw opening of {width} m is outside 0 to {self._spec.max_width} m")
@@ -73,11 +85,18 @@ class Jaws:
         self._limit(limit)
         if width > self._setpoint:  # what is squeezed keeps the jaws open: start from there, not from the squeeze
             self._setpoint = min(max(self._setpoint, self.width), width)
-        self._target = width
+        self._target, self._stopped = width, stopped
         self._still = self._waited = 0
+
+    def _step(self) -> None:
+        if self._stopped():
+            raise MotionError("stopped", "The arm was told to stop.")
+        self._physics.step()
 
     def drive(self) -> None:
         """Write this step's control: the set-point walks to the target at no more than full speed."""
+        if self._stopped():
+            self._target = self._setpoint
         step = self._spec.max_speed * TIMESTEP
         self._setpoint += float(np.clip(self._target - self._setpoint, -step, step))
         # Fully closed means squeezing: aim past zero, or thin things would be held by a sliver of the force.
@@ -85,7 +104,7 @@ class Jaws:
         low = self._physics.model.actuator_ctrlrange[self._actuator, 0]
         self._physics.data.ctrl[self._actuator] = low if closed else self._setpoint * self._ratio
 
-    def done(self) -> bool:
+    def _done(self) -> bool:
         """True when the jaws are where they should be, or something between them has stopped them."""
         self._waited += 1
         speed = float(np.abs(self._physics.data.qvel[self._v]).sum())
@@ -97,33 +116,5 @@ class Jaws:
         lagging = abs(self._setpoint - self.width) > _AT_TARGET
         return (lagging and self._still >= _STILL_STEPS) or self._waited * TIMESTEP > longest
 
-    def step(self) -> None:
-        """Let one step of world time pass."""
-        self._physics.step()
-
     def _limit(self, force: float) -> None:
         self._physics.model.actuator_forcerange[self._actuator] = np.array([-force, force]) / self._ratio
-
-
-def move_jaws(
-    jaws: Jaws, width: float, force: float | None, settle: float, stopped: Callable[[], bool]
-) -> GripperState:
-    """Drive the jaws until they arrive or are blocked, then let `settle` [s] pass.
-
-    `stopped` is asked before every step. Raises `MotionError`: `refused` before anything moves, `stopped`.
-    """
-    if not 0 <= settle <= _MAX_SETTLE:
-        raise refused(f"a settle time of {settle} s is outside 0 to {_MAX_SETTLE:.0f} s")
-    jaws.aim(width, force)
-
-    def step() -> None:
-        if stopped():
-            jaws.halt()
-            raise MotionError("stopped", "The arm was told to stop.")
-        jaws.step()
-
-    while not jaws.done():
-        step()
-    for _ in range(round(settle / TIMESTEP)):
-        step()
-    return jaws.state()

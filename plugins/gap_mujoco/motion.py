@@ -42,8 +42,9 @@ class Motion:
         self._drive, self.stopped = drive, stopped
         self.begun, self.done = drive.physics.time, False
         self.failure: MotionError | None = None
+        self.goal: Array = points.positions[-1]  # [rad]
         self._ended, self._pressed, self._trail = False, 0, Trail(drive)
-        self._course: Iterator[None] = chain(self._follow(points), self._settle(points.positions[-1], tolerance))
+        self._course: Iterator[None] = chain(self._follow(points), self._settle(self.goal, tolerance))
 
     @property
     def going_on(self) -> bool:

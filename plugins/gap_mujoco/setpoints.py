@@ -10,7 +10,6 @@ from scipy.interpolate import CubicHermiteSpline
 from gap_cli.contracts.failures import MotionError
 from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.types import Array, Trajectory
-from gap_cli.contracts.world import Setpoint
 from gap_mujoco.compiled import TIMESTEP
 
 START_TOLERANCE = 0.02  # [rad] between a trajectory's start and the arm
@@ -27,8 +26,16 @@ class Setpoints(NamedTuple):
     velocities: Array
 
 
+class Applied(NamedTuple):
+    """What the servos were given for the last step, shapes (n,): [rad], [rad/s], [rad/s^2]."""
+
+    positions: Array
+    velocities: Array
+    accelerations: Array
+
+
 def setpoints(
-    trajectory: Trajectory, spec: RobotSpec, measured: Array, commanded: Array, flying: Setpoint | None = None
+    trajectory: Trajectory, spec: RobotSpec, measured: Array, commanded: Array, flying: Applied | None = None
 ) -> Setpoints:
     """Set-points that lead smoothly from the `commanded` joints into the trajectory, on to its last point.
 
@@ -75,7 +82,7 @@ def _check_form(trajectory: Trajectory, spec: RobotSpec) -> None:
         raise refused(f"it lasts {times[-1]:.0f} s, longer than {MAX_DURATION:.0f} s")
 
 
-def _check_taking_over(trajectory: Trajectory, spec: RobotSpec, flying: Setpoint) -> None:
+def _check_taking_over(trajectory: Trajectory, spec: RobotSpec, flying: Applied) -> None:
     """One step of the joint's acceleration limit, and rounding, is all the velocity may change by."""
     if trajectory.velocities is None:
         raise refused("a trajectory that takes over from a motion needs velocities")

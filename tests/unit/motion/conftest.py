@@ -47,9 +47,10 @@ class IdealArm:
         pass
 
     def setpoint(self):
-        return Setpoint(self.q, np.zeros(self.spec.dof), np.zeros(self.spec.dof))
+        still = np.zeros(self.spec.dof)
+        return Setpoint(self.q, still, still, self.q)
 
-    def set_gripper(self, width, *, force=None, settle=0.5):
+    def set_gripper(self, width, *, force=None, settle=0.5, wait=True):
         self.width = width
         return self.state().gripper
 
@@ -79,7 +80,7 @@ def cell(spec):
     environment = SimpleNamespace(workspace=((-1.5, -1.5, -0.2), (1.5, 1.5, 1.5)))
     task = SimpleNamespace(environment=environment, robots=[SimpleNamespace(home=None)])
     context = SimpleNamespace(
-        world=SimpleNamespace(arms=[ideal]), task=task, state={}, seed=0, robot=lambda arm_id=0: spec,
+        world=SimpleNamespace(arms=[ideal], wait=lambda seconds: None), task=task, state={}, seed=0, robot=lambda arm_id=0: spec,
         shared=lambda key, make: make(), raise_if_cancelled=lambda: None,
     )  # fmt: skip
     return SimpleNamespace(
