@@ -12,6 +12,7 @@ import json
 import re
 import typing
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any, Literal, Protocol
 
@@ -23,6 +24,7 @@ from gap_cli.contracts.world import World
 
 Effect = Literal["pure", "sense", "actuate"]
 REQUIRED = inspect.Parameter.empty
+OBSERVED = "observed"  # in `ToolContext.state`: a deque of the last Observations taken from in.observation_stream
 _NAME = re.compile(r"^[a-z][a-z0-9_]*\.[A-Z][A-Za-z0-9]*$")
 
 
@@ -60,6 +62,10 @@ class ScriptContext(Protocol):
 
     def raise_if_cancelled(self) -> None:
         """Raise `CancelledError` when this node was told to stop; call it in long loops."""
+
+    def closing(self) -> AbstractContextManager[None]:
+        """Within it a node that was told to stop may still call tools that move nothing, to free what it holds, until
+        it is abandoned: a second for a streaming node. Write it in a `finally`."""
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,7 @@ class Attempt:
     started = ended = cancelled_at = world_wall_s = 0.0
     deadline = world_deadline = math.inf
     cancelled = tool = ""
+    closing = False  # frees what it holds; it may look on until it is abandoned
     state = RUNNING
     value: Any = None
     error: BaseException | None = None
@@ -71,6 +72,8 @@ class Attempt:
 
     def check(self) -> None:
         """Raise `CancelledError`, or `ToolError` code `deadline`, where the node must not go on."""
+        if self.closing and self.cancelled and self.state is RUNNING:
+            return
         if self.cancelled == DEADLINE:
             raise deadline_error(self)
         if self.cancelled or self.state is ABANDONED:

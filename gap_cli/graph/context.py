@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
@@ -144,6 +145,15 @@ class NodeContext:
         callee = self._attempt.node.callee
         stream.publish(callee.shape(value, self._attempt.node.path) if callee else value)
 
+    @contextmanager
+    def closing(self) -> Iterator[None]:
+        """Let a node that was told to stop call tools that move nothing, to free what it holds."""
+        self._attempt.closing = True
+        try:
+            yield
+        finally:
+            self._attempt.closing = False
+
     def tool(self, name: str, /, **inputs: Any) -> Any:
         """Call a tool the skill may use; returns its bare value or a NamedTuple.
 
@@ -186,6 +196,8 @@ class NodeContext:
 def call(services: Services, attempt: Attempt, callee: Callee, inputs: Mapping[str, Any]) -> Any:
     """One tool call on behalf of a node: inputs checked, leases claimed, time bounded, output checked."""
     attempt.check()
+    if attempt.closing and callee.effect == "actuate":
+        raise ToolError("closing", f"{attempt.node.path} calls {callee.name} while it closes; nothing may move then.")
     kwargs = checked(callee, inputs, callee.name)
     claim(services, attempt, callee, kwargs)
     outer = attempt.deadline, attempt.deadline_s, attempt.world_deadline, attempt.tool

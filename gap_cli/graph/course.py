@@ -60,7 +60,7 @@ class Course:
         self._due.reach(graph.entries)
         self._values: dict[str, tuple[int, Any]] = {}
         self._observations = Observations(
-            services.world, graph.workflow.meta.get("observation_stream_hz", ""), graph.dry
+            services.world, graph.workflow.meta.get("observation_stream_hz", ""), graph.dry, services.state
         )
 
     @property

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator
 from time import monotonic
+from typing import Any
 
 from gap_cli.contracts.failures import CancelledError, ToolError
 from gap_cli.contracts.privilege import enter_node, leave_node
+from gap_cli.contracts.tool import OBSERVED
 from gap_cli.contracts.typeref import TypeRef
 from gap_cli.contracts.world import World, WorldFrame
 from gap_cli.graph.attempt import Attempt
@@ -20,13 +23,17 @@ from gap_cli.graph.synthesize import synthesize
 
 ENDING_S = 1.0
 DEFAULT_HZ = 10.0
+KEPT = 4
 
 
 class Observations:
-    """What `in.observation_stream` reads: the world's sensors at `hz` of world time, from the first reader on."""
+    """What `in.observation_stream` reads: the world's sensors at `hz` of world time, from the first reader on.
 
-    def __init__(self, world: World | None, hz: str, dry: bool) -> None:
-        self._world, self._hz, self._dry = world, float(hz or DEFAULT_HZ), dry
+    What was taken last is kept in the episode's `state`, for tools that are handed only an image of it.
+    """
+
+    def __init__(self, world: World | None, hz: str, dry: bool, state: dict[str, Any]) -> None:
+        self._world, self._hz, self._dry, self._state = world, float(hz or DEFAULT_HZ), dry, state
         self._lock = threading.Lock()
         self._stream: Stream | None = None
         self._unsubscribe: Callable[[], None] = lambda: None
@@ -37,7 +44,8 @@ class Observations:
             raise ToolError("no_world", "This run has no world to observe.")
         with self._lock:
             if self._stream is None:
-                stream = self._stream = Stream("in.observation_stream")
+                taken = self._state.setdefault(OBSERVED, deque(maxlen=KEPT))
+                stream = self._stream = Stream("in.observation_stream", taken.append)
                 if self._world is None:
                     stream.publish(synthesize(TypeRef("Observation")))
                     return stream
@@ -113,8 +121,11 @@ def _produce(services: Services, attempt: Attempt, callee: Callee, stream: Strea
         context = NodeContext(services, attempt, callee.allowed)
         result = callee.invoke(context, kwargs)
         if isinstance(result, Iterator):
-            for item in result:
-                context.publish(item)
+            try:
+                for item in result:
+                    context.publish(item)
+            finally:  # now, not when it is collected: what it frees must be free before its subgraph is left
+                getattr(result, "close", lambda: None)()
             return
         if result is None:
             return

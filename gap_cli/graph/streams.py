@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from threading import Condition
 from typing import TYPE_CHECKING, Any
 
@@ -15,10 +16,13 @@ POLL_S = 0.02
 
 
 class Stream:
-    """One producer, any number of readers, one place. After `close` the last value stays readable."""
+    """One producer, any number of readers, one place. After `close` the last value stays readable.
 
-    def __init__(self, name: str) -> None:
-        self.name = name
+    `taken` is called with every value a reader takes.
+    """
+
+    def __init__(self, name: str, taken: Callable[[Any], None] = lambda value: None) -> None:
+        self.name, self._taken = name, taken
         self._changed = Condition()
         self._value: Any = UNSET
         self._count = 0
@@ -54,7 +58,11 @@ class Stream:
 
         Raises `ToolError` code `stream` where there is none and none will come.
         """
-        return self.after(0, attempt) if self._count == 0 else self._value
+        if self._count == 0:
+            return self.after(0, attempt)
+        value = self._value
+        self._taken(value)
+        return value
 
     def after(self, seen: int, attempt: Attempt | None = None) -> Any:
         """The newest value once more than `seen` items were published; else as `latest`."""
@@ -64,4 +72,6 @@ class Stream:
                     raise ToolError("stream", f"{self.name} has {'ended' if seen else 'published nothing'}.")
                 attempt.check()
                 self._changed.wait(POLL_S)
-            return self._value
+            value = self._value
+        self._taken(value)
+        return value

@@ -6,6 +6,7 @@ import collections
 import sys
 import types
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from functools import cache
 from typing import Any
 
@@ -39,6 +40,10 @@ class Context:
 
     def raise_if_cancelled(self) -> None:
         """Nothing to do: a jailed script that must stop is stopped from outside."""
+
+    def closing(self) -> AbstractContextManager[None]:
+        """Nothing to allow, for the same reason."""
+        return nullcontext()
 
 
 def _ask(*message: Any) -> Any:

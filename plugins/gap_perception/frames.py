@@ -8,11 +8,12 @@ from dataclasses import dataclass, field
 from threading import Lock, RLock
 from typing import Any, NamedTuple
 
+from gap_cli.contracts.tool import OBSERVED
 from gap_cli.contracts.types import CameraObservation, Image, Observation
 
-KEEP = 6  # observations; a node looks at the latest, a comparison at the one before, a tracker at a few
+KEEP = 6  # observations; a node looks at the latest, a comparison at the one before
 DEADLINE_S = 30.0  # of a tool that looks at frames: the first look in a process renders the object models
-_KEY = "gap_perception.frames"
+_KEY, _STREAMED = "gap_perception.frames", "gap_perception.streamed"
 
 
 @dataclass
@@ -55,7 +56,10 @@ def digest(image: Image) -> str:
 
 def remember(state: dict[str, Any], observation: Observation) -> Scene:
     """Keep an observation for this episode; the same pixels seen twice are one scene."""
-    memory: Memory = state.setdefault(_KEY, Memory())
+    return _keep(state.setdefault(_KEY, Memory()), observation)
+
+
+def _keep(memory: Memory, observation: Observation) -> Scene:
     key = tuple(digest(c.rgb) for c in observation.cameras)
     with memory.lock:
         known = memory.scenes.get(key)
@@ -81,12 +85,7 @@ def latest(state: dict[str, Any]) -> Scene | None:
 
 def find(state: dict[str, Any], image: Image) -> Found | None:
     """The frame this very image was taken from, or cut out of; None for an image never observed in this episode."""
-    memory: Memory | None = state.get(_KEY)
-    if memory is None:
-        return None
-    with memory.lock:
-        scenes = list(reversed(memory.scenes.values()))
-    key = digest(image)
+    scenes, key = [*_scenes(state.get(_KEY)), *_streamed(state)], digest(image)
     for scene in scenes:
         if key in scene.digests:
             return Found(scene, scene.digests.index(key), (0, 0))
@@ -96,6 +95,27 @@ def find(state: dict[str, Any], image: Image) -> Found | None:
             if offset is not None:
                 return Found(scene, index, offset)
     return None
+
+
+def _streamed(state: dict[str, Any]) -> list[Scene]:
+    """What nodes took from the observation stream, newest first; kept apart, so that it displaces no other frame."""
+    observed = tuple(state.get(OBSERVED, ()))
+    if not observed:
+        return []
+    memory: Memory = state.setdefault(_STREAMED, Memory())
+    known = _scenes(memory)
+    for observation in observed:
+        if all(scene.observation is not observation for scene in known):
+            _keep(memory, observation)
+    return _scenes(memory)
+
+
+def _scenes(memory: Memory | None) -> list[Scene]:
+    """Newest first."""
+    if memory is None:
+        return []
+    with memory.lock:
+        return list(reversed(memory.scenes.values()))
 
 
 def _crop_offset(image: Image, frame: Image) -> tuple[int, int] | None:

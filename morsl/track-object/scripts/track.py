@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any, NamedTuple
 
-from gap_cli.contracts.failures import CancelledError, PerceptionError, ToolError
+from gap_cli.contracts.failures import CancelledError, PerceptionError
 from gap_cli.contracts.tool import ScriptContext
 from gap_cli.contracts.types import BoundingBox2D, Mask, Observation
 
@@ -55,6 +55,6 @@ def picture(frame: Observation, index: int) -> Any:
 
 
 def close(ctx: ScriptContext, tracker_id: str) -> None:
-    """Free the tracker; a node that was told to stop may not call tools any more, and the episode's end frees it."""
-    with suppress(CancelledError, ToolError):
+    """Free the tracker, also when told to stop; one that was given up on is freed with its episode."""
+    with suppress(CancelledError), ctx.closing():
         ctx.tool("sam3_tracker.CloseTracker", tracker_id=tracker_id)

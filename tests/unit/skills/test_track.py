@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -49,6 +50,7 @@ def stage(present=True):
         sam3_tracker__CloseTracker=lambda tracker_id: None,
     )
     made.raise_if_cancelled = lambda: None
+    made.closing = nullcontext
     return made
 
 
@@ -119,6 +121,7 @@ class Updated(NamedTuple):
 
 def test_a_graph_reads_the_latest_snapshot_while_the_arm_moves():
     frames: list[Any] = []
+    closed: list[str] = []
 
     @tool("sam3_tracker.InitTracker", effect="sense")
     def start(ctx: ToolContext, image: Image, text: str = "", object_name: str = "") -> Started:
@@ -134,6 +137,7 @@ def test_a_graph_reads_the_latest_snapshot_while_the_arm_moves():
     @tool("sam3_tracker.CloseTracker", effect="sense")
     def close(ctx: ToolContext, tracker_id: str) -> None:
         """Closes."""
+        closed.append(tracker_id)
 
     tracker = {
         "type": "tool", "tool": "track-object", "streaming": True,
@@ -152,5 +156,5 @@ def test_a_graph_reads_the_latest_snapshot_while_the_arm_moves():
     world = FakeWorld(pace=0.3)
     result = run_graph(graph, RunSetup(world=world))
     assert result.status == "success", result.error
-    assert frames
+    assert frames and closed == ["t"]
     assert world._listeners == {}
