@@ -94,14 +94,18 @@ class Registry:
         return value if isinstance(value, RobotSpec) else value()
 
     def choose(self, tool: str, provider: str) -> None:
-        """Serve `tool` (a name, or `service.*`) by `provider` from now on. Raises `UnknownNameError`."""
+        """Serve `tool` by `provider` from now on; of `service.*`, the names that it serves.
+
+        Raises `UnknownNameError` for a name that is not there, and where the provider serves none of the names.
+        """
         names = [n for n in self.providers if n == tool or (tool.endswith(".*") and n.startswith(tool[:-1]))]
         if not names:
             raise UnknownNameError("tool", tool, self.providers)
-        for name in names:
-            if provider not in self.providers[name]:
-                raise UnknownNameError(f"provider of {name}", provider, self.providers[name])
-            self.choices[name] = provider
+        served = [name for name in names if provider in self.providers[name]]
+        if not served:
+            known = {other for name in names for other in self.providers[name]}
+            raise UnknownNameError(f"provider of {tool}", provider, known)
+        self.choices.update(dict.fromkeys(served, provider))
 
     def _choice(self, name: str, by_provider: dict[str, Tool]) -> str:
         if name in self.choices:

@@ -98,6 +98,21 @@ def test_another_provider_of_a_tool_can_be_chosen(plugin):
         registry.choose("extra.Double", "embeded")
 
 
+def test_a_whole_service_is_chosen_as_far_as_the_provider_serves_it(plugin):
+    more = tool_source().replace("extra.Double", "extra.Triple")
+    registry = load(
+        plugin("one", tool_source()), plugin("two", tool_source(options=', provider="gpu"')), plugin("three", more)
+    )
+    registry.choose("extra.*", "gpu")
+    assert {name: tool.provider for name, tool in registry.tools.items()} == {
+        "extra.Double": "gpu", "extra.Triple": "embedded",
+    }  # fmt: skip
+    with pytest.raises(UnknownNameError, match=r"Unknown provider of extra\.\* 'cloud'. Known: embedded, gpu"):
+        registry.choose("extra.*", "cloud")
+    with pytest.raises(UnknownNameError, match=r"provider of extra\.Triple"):
+        registry.choose("extra.Triple", "gpu")
+
+
 def test_providers_must_agree_on_the_contract(plugin):
     with pytest.raises(PluginError, match="disagree"):
         load(plugin("one", tool_source()), plugin("two", tool_source("int", ', provider="gpu"')))
