@@ -42,6 +42,25 @@ class Renderer:
 
     def draw(self, data: Any, camera: str, resolution: tuple[int, int]) -> tuple[Array, Array]:
         """RGB uint8 (H, W, 3) and depth along the optical axis float32 (H, W) [m], 0 where nothing is seen."""
+        rgb, depth = self._render(data, camera, resolution)
+        return rgb, self._metres(depth)
+
+    def geoms(self, data: Any, camera: str, resolution: tuple[int, int]) -> Array:
+        """Which geom of the model each pixel shows, int32 (H, W), -1 for none."""
+        flags = [int(mujoco.mjtRndFlag.mjRND_SEGMENT), int(mujoco.mjtRndFlag.mjRND_IDCOLOR)]
+        self._scene.flags[flags] = True
+        rgb, _ = self._render(data, camera, resolution)
+        self._scene.flags[flags] = False
+        drawn = self._scene.geoms[: self._scene.ngeom]
+        geom_of = np.full(len(drawn) + 1, -1, np.int32)  # by colour, of which 0 is the background's
+        for geom in drawn:
+            if geom.segid >= 0 and geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
+                geom_of[geom.segid + 1] = geom.objid
+        colour = rgb.astype(np.int32) @ np.array([1, 1 << 8, 1 << 16])
+        return np.asarray(geom_of[colour])
+
+    def _render(self, data: Any, camera: str, resolution: tuple[int, int]) -> tuple[Array, Array]:
+        """Colours (H, W, 3) and the depth buffer (H, W)."""
         width, height = resolution
         self._context.make_current()
         self._camera.fixedcamid = self._model.camera(camera).id
@@ -51,7 +70,7 @@ class Renderer:
         mujoco.mjr_render(viewport, self._scene, self._mjr)
         rgb, depth = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32)
         mujoco.mjr_readPixels(rgb, depth, viewport, self._mjr)
-        return np.flipud(rgb), np.flipud(self._metres(depth))
+        return np.flipud(rgb), np.flipud(depth)
 
     def close(self) -> None:
         """Free the GL objects."""

@@ -11,7 +11,7 @@ from gap_cli.contracts.privilege import assert_privileged, current_node
 from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.snapshot import WorldSnapshot
 from gap_cli.contracts.task import Task
-from gap_cli.contracts.types import CameraObservation, Observation, Se3Pose, Trajectory
+from gap_cli.contracts.types import CameraObservation, Mask, Observation, Se3Pose, Trajectory
 from gap_cli.contracts.world import Instance, WorldFrame
 from gap_mujoco import commands
 from gap_mujoco.arm import SimArm
@@ -132,16 +132,31 @@ class MujocoWorld:
         self._physics.require_placed()
         return self._thread.call(lambda: tuple(self._frame(name) for name in self.camera_names))
 
+    def true_masks(self) -> dict[str, dict[str, Mask]]:
+        """By camera and object, the pixels that show it. Privileged."""
+        assert_privileged("which pixels show what")
+        self._physics.require_placed()
+        return self._thread.call(lambda: {name: self._masks(name) for name in self.camera_names})
+
+    def _masks(self, name: str) -> dict[str, Mask]:
+        eye, body_of = self._scene.eyes[name], self._scene.model.geom_bodyid
+        geoms = self._eye_renderer().geoms(self._physics.data, eye.element, eye.resolution)
+        shown = np.where(geoms >= 0, self._scene.model.body_rootid[body_of[geoms]], -1)
+        return {thing: Mask(shown == self._scene.model.body(f"{thing}/").id) for thing in self._scene.objects}
+
     def _frame(self, name: str) -> CameraObservation:
         if name not in self._scene.eyes:
             raise UnknownNameError("camera", name, self._scene.eyes)
         if self._closed:
             raise GapError("The world is closed.")
         eye, data = self._scene.eyes[name], self._physics.data
+        return observe(self._eye_renderer(), data, eye.element, eye.resolution, eye.fovy, name)
+
+    def _eye_renderer(self) -> Renderer:
         if self._renderer is None:
             sizes = [e.resolution for e in self._scene.eyes.values()]
             self._renderer = Renderer(self._scene.model, (max(w for w, _ in sizes), max(h for _, h in sizes)))
-        return observe(self._renderer, data, eye.element, eye.resolution, eye.fovy, name)
+        return self._renderer
 
     def camera_pose(self, name: str) -> Se3Pose:
         """T_world_camera (optical), as calibrated. Raises `UnknownNameError`."""

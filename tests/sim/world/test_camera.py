@@ -8,6 +8,8 @@ import sys
 import numpy as np
 import pytest
 
+from gap_cli.contracts.failures import PrivilegedReadError
+from gap_cli.contracts.privilege import node_scope
 from gap_mujoco import gl
 
 pytestmark = pytest.mark.sim
@@ -91,3 +93,19 @@ def test_no_opengl_at_all_is_one_sentence_with_what_to_install(monkeypatch):
         gl.probe.__wrapped__()
     assert "libegl.so" in error.value.message and "libosmesa.so" in error.value.message
     assert "apt install" in error.value.hint and "\n" not in str(error.value)
+
+
+def test_true_masks_cover_the_pixels_whose_points_lie_in_the_objects_box(world):
+    truth, masks = world.snapshot(), world.true_masks()
+    for frame in world.true_frames():
+        xyz = points(frame)
+        for name, body in truth.bodies.items():
+            shown = masks[frame.name][name].data
+            R, box = body.box.orientation.rotation.as_matrix(), body.box
+            local = np.abs((xyz[shown] - box.center.array) @ R) - box.extent.array
+            assert (local < 0.005).all(), name
+            inside = (np.abs((xyz - box.center.array) @ R) < box.extent.array - 0.002).all(axis=-1)
+            assert name == "basket" or shown[inside].all()
+    assert sum(m.data.any() for m in masks["agentview"].values()) == len(truth.bodies)
+    with node_scope("policy"), pytest.raises(PrivilegedReadError):
+        world.true_masks()
