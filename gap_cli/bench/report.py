@@ -1,4 +1,4 @@
-"""A benchmark's table for people and for programs, with the command, the machine and the versions behind it."""
+"""A benchmark's tables for people and for programs, with the command, the machine and the versions behind it."""
 
 from __future__ import annotations
 
@@ -15,29 +15,55 @@ SCHEMA = "gap/bench/v1"
 
 
 def as_data(name: str, report: BenchReport) -> dict[str, Any]:
-    """Plain data: the table, and what is needed to believe it."""
-    return {
+    """Plain data: the tables, and what is needed to believe them."""
+    data: dict[str, Any] = {
         "schema": SCHEMA,
         "benchmark": name,
         "command": f"gap bench {name}",
         "title": report.title,
         "columns": list(report.columns),
         "rows": [list(row) for row in report.rows],
-        "notes": list(report.notes),
-        "machine": machine(),
-        "lock": lock(report.packages),
+    }
+    if report.more:
+        data["more"] = [
+            {"title": t.title, "columns": list(t.columns), "rows": [list(row) for row in t.rows]} for t in report.more
+        ]
+    if report.pictures:
+        captions = [picture.caption for picture in report.pictures]
+        data["pictures"] = [
+            {"file": file, "caption": c} for file, c in zip(picture_files(name, report), captions, strict=True)
+        ]
+    return data | {"notes": list(report.notes), "machine": machine(), "lock": lock(report.packages)}
+
+
+def picture_files(name: str, report: BenchReport) -> dict[str, bytes]:
+    """The pictures by file name: the benchmark's, numbered where there are several."""
+    single = len(report.pictures) == 1
+    return {
+        f"{name}{'' if single else f'-{i}'}{picture.suffix}": picture.data for i, picture in enumerate(report.pictures)
     }
 
 
 def markdown(data: dict[str, Any]) -> str:
-    """The table as Markdown, ready to be quoted."""
+    """The tables and pictures as Markdown, ready to be quoted."""
+    parts = [f"# {data['title']}", "", *_table(data), ""]
+    for table in data.get("more", ()):
+        parts += [f"## {table['title']}", "", *_table(table), ""]
+    for picture in data.get("pictures", ()):
+        parts += [f"![{picture['caption']}]({picture['file']})", ""]
+    return "\n".join([*parts, *_facts(data)]) + "\n"
+
+
+def _table(data: dict[str, Any]) -> list[str]:
     head = f"| {' | '.join(data['columns'])} |"
     align = "|" + "|".join("---" if _is_text(data, i) else "---:" for i in range(len(data["columns"]))) + "|"
-    rows = [f"| {' | '.join(_cell(v) for v in row)} |" for row in data["rows"]]
+    return [head, align, *(f"| {' | '.join(_cell(v) for v in row)} |" for row in data["rows"])]
+
+
+def _facts(data: dict[str, Any]) -> list[str]:
     facts = [f"- {note}" for note in data["notes"]]
     facts += [f"- Command: `{data['command']}`", "- Machine: " + ", ".join(str(v) for v in data["machine"].values())]
-    facts += ["- Versions: " + ", ".join(f"{k} {v}" for k, v in data["lock"].items())]
-    return "\n".join([f"# {data['title']}", "", head, align, *rows, "", *facts]) + "\n"
+    return [*facts, "- Versions: " + ", ".join(f"{k} {v}" for k, v in data["lock"].items())]
 
 
 def machine() -> dict[str, Any]:

@@ -12,7 +12,7 @@ import typer
 from gap_cli.commands.common import AsJson, console, print_json, print_table
 
 if TYPE_CHECKING:
-    from gap_cli.contracts.bench import Progress
+    from gap_cli.contracts.bench import BenchReport, Progress
 
 RESULTS = Path("docs/results")
 
@@ -38,11 +38,13 @@ def bench(
         from gap_cli.errors import UnknownNameError
 
         raise UnknownNameError("benchmark", name, found)
+    from gap_cli.artifacts.atomic import replace_files
     from gap_cli.artifacts.canonical import write_json, write_text
-    from gap_cli.bench.report import as_data, markdown
+    from gap_cli.bench.report import as_data, markdown, picture_files
 
     with progress_bar(name) as progress:
-        data = as_data(name, found[name].value(progress))
+        report: BenchReport = found[name].value(progress)
+    data = as_data(name, report)
     if json:
         print_json(data)
     else:
@@ -50,6 +52,7 @@ def bench(
     if save:
         write_json(to / f"{name}.json", data)
         write_text(to / f"{name}.md", markdown(data))
+        replace_files({to / file: content for file, content in picture_files(name, report).items()})
         if not json:
             console().print(f"written: {to / f'{name}.md'} and {name}.json", style="dim", markup=False)
 

@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 
 from gap_cli.bench import timing
 from gap_cli.bench.graph import run as graph
-from gap_cli.bench.report import as_data, markdown
-from gap_cli.contracts.bench import BenchReport
+from gap_cli.bench.report import as_data, markdown, picture_files
+from gap_cli.contracts.bench import BenchReport, Picture, Table
 from gap_cli.main import app
 
 
@@ -86,3 +86,23 @@ def test_without_a_name_the_benchmarks_are_listed():
 def test_an_unknown_benchmark_is_one_clear_error():
     done = CliRunner().invoke(app, ["bench", "grpah"])
     assert done.exit_code == 1 and "graph" in str(done.exception)
+
+
+def test_more_tables_and_pictures_stand_beside_the_first(tmp_path, monkeypatch):
+    import gap_cli.bench
+
+    more = (Table("By size", ("size", "n"), (("small", 1), ("large", 2))),)
+    pictures = (Picture("Worst cases", ".jpg", b"jpg"),)
+    report = BenchReport("T", ("name",), (("a",),), more=more, pictures=pictures)
+    monkeypatch.setattr(gap_cli.bench, "_graph", lambda progress: report)
+    data = json.loads(bench("graph", "--json", "--to", str(tmp_path)).stdout)
+    assert data["more"] == [{"title": "By size", "columns": ["size", "n"], "rows": [["small", 1], ["large", 2]]}]
+    assert data["pictures"] == [{"file": "graph.jpg", "caption": "Worst cases"}]
+    assert (tmp_path / "graph.jpg").read_bytes() == b"jpg"
+    text = (tmp_path / "graph.md").read_text()
+    assert "## By size\n\n| size | n |\n|---|---:|\n| small | 1 |" in text and "![Worst cases](graph.jpg)" in text
+
+
+def test_several_pictures_are_numbered():
+    report = BenchReport("T", (), (), pictures=(Picture("a", ".jpg", b"1"), Picture("b", ".png", b"2")))
+    assert picture_files("x", report) == {"x-0.jpg": b"1", "x-1.png": b"2"}
