@@ -11,8 +11,9 @@ from gap_cli.contracts.tool import ToolContext, tool
 from gap_cli.contracts.types import WORLD, JointState, Se3Pose, Vec3
 from gap_motion import moves
 from gap_motion.envelope import refuse
-from gap_motion.policy_step import checked_action, step_motion, wants_closed
-from gap_motion.requests import Cell, finite, joints_of, pose_matrix
+from gap_motion.policy_step import Stream, begin, checked_action, step, to_rest, wants_closed
+from gap_motion.ready import at_rest
+from gap_motion.requests import STEP, Cell, finite, joints_of, pose_matrix
 from gap_motion.timing import point_to_point
 from gap_motion.together import move_together
 
@@ -32,8 +33,8 @@ def go_to_pose_arm(
     Arguments as in GoToPose. Raises `BadRequestError` (`unknown_arm`, ...), `PlanningError`, `MotionError`.
     """
     cell = Cell.of(ctx, arm_id)
-    start = cell.joints()
     target = cell.last_frame(pose_matrix(pose, "pose"), tcp_offset)
+    start = at_rest(cell)
     trajectory = moves.to_pose(cell, start, target, _approach(z_approach))
     refuse(cell, trajectory, ctx.task, start)
     ctx.raise_if_cancelled()
@@ -55,10 +56,14 @@ def go_to_pose_both(
     `MotionError`.
     """
     cells = [Cell.of(ctx, 0), Cell.of(ctx, 1)]
-    planned = []
-    for cell, pose, what in zip(cells, (pose_arm0, pose_arm1), ("pose_arm0", "pose_arm1"), strict=True):
-        target = cell.last_frame(pose_matrix(pose, what), tcp_offset)
-        planned.append(moves.to_pose(cell, cell.joints(), target, _approach(z_approach)))
+    targets = [
+        cell.last_frame(pose_matrix(pose, what), tcp_offset)
+        for cell, pose, what in zip(cells, (pose_arm0, pose_arm1), ("pose_arm0", "pose_arm1"), strict=True)
+    ]
+    planned = [
+        moves.to_pose(cell, at_rest(cell), target, _approach(z_approach))
+        for cell, target in zip(cells, targets, strict=True)
+    ]
     move_together(ctx, cells, planned, 0.01)
 
 
@@ -77,7 +82,7 @@ def move_to_joints_both(
         for cell, state, what in zip(cells, (joints_arm0, joints_arm1), ("joints_arm0", "joints_arm1"), strict=True)
     ]
     planned = [
-        moves.within_steps(point_to_point(cell.chain, np.stack([cell.joints(), goal])), max_steps)
+        moves.within_steps(point_to_point(cell.chain, np.stack([at_rest(cell), goal])), max_steps)
         for cell, goal in zip(cells, goals, strict=True)
     ]
     move_together(ctx, cells, planned, tolerance)
@@ -85,24 +90,33 @@ def move_to_joints_both(
 
 @tool("robot_control.ApplyPolicyAction", effect="actuate", resources=("arm:{arm_id}", "gripper:{arm_id}", "clock"))
 def apply_policy_action(ctx: ToolContext, action: list[float], arm_id: int = 0) -> None:
-    """Carry out one action of a policy: [dx dy dz, rx ry rz, grip], entries in [-1, 1].
+    """Carry out one action of a policy at 20 Hz: [dx dy dz, rx ry rz, grip], entries in [-1, 1].
 
-    An entry of 1 is 5 cm along, or 0.5 rad about, an axis of the arm's base; grip below 0 opens, above 0 closes. The
-    arm is at rest when this returns. Refused whole outside the arm's limits or the workspace.
+    An entry of 1 moves the target of the TCP 5 cm along, or turns it 0.5 rad about, an axis of the arm's base; targets
+    add up. The arm is sent on to the target from the motion it is in, inside all limits, to be there 0.15 s later or as
+    soon as it can; 50 ms of world time pass, and the next action goes on from there. When none follows, the arm comes
+    to rest at the target while time passes or before its next command. Grip below 0 opens, above 0 closes, meanwhile.
+    Refused whole outside the arm's limits or the workspace, and (`rate`) when the arm would fall 1 s behind.
     Raises `BadRequestError`, `PlanningError`, `MotionError`.
     """
     values = checked_action(action)
     cell = Cell.of(ctx, arm_id)
-    start = cell.joints()
-    trajectory = step_motion(cell, start, values)
-    refuse(cell, trajectory, ctx.task, start)
+    key, grip = f"policy_stream:{arm_id}", f"policy_grip:{arm_id}"
+    stream = ctx.state.get(key)
+    if not isinstance(stream, Stream) or not stream.goes_on(cell.arm.setpoint()):
+        cell.arm.finish()
+        stream = begin(cell)
+    stream, now = step(cell, stream, values), cell.arm.setpoint()
+    trajectory = to_rest(cell, now, stream.goal)
+    refuse(cell, trajectory, ctx.task, now.positions, now)
     ctx.raise_if_cancelled()
-    if trajectory.duration > 0:
-        cell.arm.execute(trajectory)
-    closed, last = wants_closed(values), f"policy_grip:{arm_id}"
-    if closed is not None and ctx.state.get(last) != closed:
-        cell.arm.set_gripper(0.0 if closed else cell.spec.gripper.max_width, settle=0.0)
-        ctx.state[last] = closed
+    cell.arm.start(trajectory, replace=True)
+    ctx.state[key] = Stream(stream.target, cell.arm.setpoint().goal)
+    closed = wants_closed(values)
+    if closed is not None and ctx.state.get(grip) != closed:
+        cell.arm.set_gripper(0.0 if closed else cell.spec.gripper.max_width, wait=False)
+        ctx.state[grip] = closed
+    ctx.world.wait(STEP)
 
 
 def _approach(distance: float) -> float:

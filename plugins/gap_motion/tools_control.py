@@ -11,6 +11,7 @@ from gap_cli.contracts.tool import ToolContext, tool
 from gap_cli.contracts.types import WORLD, Array, JointState, Se3Pose, Trajectory, Vec3
 from gap_motion import moves
 from gap_motion.envelope import refuse
+from gap_motion.ready import at_rest
 from gap_motion.requests import Cell, arm_of, finite, joints_of, pose_matrix, positive, trajectory_of
 from gap_motion.timing import point_to_point
 from gap_motion.together import move_together
@@ -44,16 +45,19 @@ def go_to_pose(
 
     With `z_approach` [m] it first goes to the pose backed off by that much along the TCP's approach axis, then straight
     in. `tcp_offset` [m] is the flange seen from the TCP, along the TCP's axes; by default the robot's own TCP is meant.
-    Done when every joint is within `tolerance` [rad]. One of `max_steps` is 50 ms of planned motion. `nonblocking`
-    lets a cell whose arm has a `start` return while it moves; where world time passes only inside commands, as in a
-    simulator, the motion is over when this returns.
+    Done when every joint is within `tolerance` [rad]. One of `max_steps` is 50 ms of planned motion.
+
+    With `nonblocking` it returns when the arm begins to move, and lets go of the arm. The arm then moves whenever world
+    time passes: while the jaws open or close, while another arm moves, while something waits. Time does not pass while
+    a policy computes or looks, so that is all it gains. The arm's next motion command first lets this one end; if it
+    failed, the arm's next command raises that failure instead of beginning.
     Raises `BadRequestError`, `PlanningError` (`unreachable`, `limits`, `no_path`, `budget`), `MotionError`.
     """
     cell = Cell.of(ctx, 0)
     if finite(z_approach, "z_approach") < 0:
         raise BadRequestError("range", f"z_approach must not be negative, got {z_approach}.")
     target = cell.last_frame(pose_matrix(pose, "pose"), tcp_offset)
-    start = cell.joints()
+    start = at_rest(cell)
     trajectory = moves.within_steps(moves.to_pose(cell, start, target, z_approach), max_steps)
     _run(ctx, cell, trajectory, start, tolerance, nonblocking)
 
@@ -74,10 +78,10 @@ def go_to_pose_cartesian(
     """
     cell = Cell.of(ctx, 0)
     speed, turning = positive(lin_vel_norm, "lin_vel_norm"), positive(ang_vel_norm, "ang_vel_norm")
-    target = cell.last_frame(pose_matrix(pose, "pose"))
-    start = cell.joints()
+    longest, target = positive(timeout_s, "timeout_s"), cell.last_frame(pose_matrix(pose, "pose"))
+    start = at_rest(cell)
     trajectory = moves.straight(cell, start, target, speed=speed, turning=turning)
-    if trajectory.duration > positive(timeout_s, "timeout_s"):
+    if trajectory.duration > longest:
         raise PlanningError("budget", f"The line takes {trajectory.duration:.2f} s, more than timeout_s = {timeout_s}.")
     _run(ctx, cell, trajectory, start)
 
@@ -97,7 +101,7 @@ def execute_joint_trajectory(
     planned = trajectory_of(trajectory, cell.spec)
     keep = np.unique(np.append(np.arange(0, len(planned.times), subsample), len(planned.times) - 1))
     velocities = None if planned.velocities is None else planned.velocities[keep]
-    start = cell.joints()
+    start = at_rest(cell)
     _run(ctx, cell, Trajectory(planned.times[keep], planned.positions[keep], velocities), start, tolerance)
 
 
@@ -109,7 +113,7 @@ def move_to_joints(ctx: ToolContext, joint_config: JointState, tolerance: float 
     """
     cell = Cell.of(ctx, 0)
     goal = joints_of(joint_config, cell.spec, "joint_config")
-    start = cell.joints()
+    start = at_rest(cell)
     _run(
         ctx, cell, moves.within_steps(point_to_point(cell.chain, np.stack([start, goal])), max_steps), start, tolerance
     )
@@ -124,7 +128,7 @@ def go_home(ctx: ToolContext) -> None:
     cells = [Cell.of(ctx, arm_id) for arm_id in range(len(ctx.world.arms))]
     homes = [np.array(ctx.task.robots[cell.arm_id].home or cell.spec.home) for cell in cells]
     planned = [
-        point_to_point(cell.chain, np.stack([cell.joints(), home])) for cell, home in zip(cells, homes, strict=True)
+        point_to_point(cell.chain, np.stack([at_rest(cell), home])) for cell, home in zip(cells, homes, strict=True)
     ]
     if len(cells) == 1:
         _run(ctx, cells[0], planned[0], cells[0].joints())
@@ -139,11 +143,7 @@ def _run(
     refuse(cell, planned, ctx.task, start)
     if len(planned.times) < 2:
         return
-    begin = getattr(cell.arm, "start", None) if nonblocking else None
-    if begin is not None:
-        begin(planned, tolerance=tolerance)
-    else:
-        cell.arm.execute(planned, tolerance=tolerance)
+    (cell.arm.start if nonblocking else cell.arm.execute)(planned, tolerance=tolerance)
 
 
 TOOLS = (

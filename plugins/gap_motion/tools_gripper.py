@@ -21,7 +21,10 @@ class GripperPose(NamedTuple):
 
 @tool("gripper.Open", effect="actuate", resources=HOLD, deadline_s=30.0)
 def open_gripper(ctx: ToolContext, arm_id: int = 0, settle_steps: int = 40) -> GripperState:
-    """Open the jaws fully, then let `settle_steps` times 1 ms of world time pass; the state after that."""
+    """Open the jaws fully, then let `settle_steps` times 1 ms of world time pass; the state after that.
+
+    An arm under way (`nonblocking`) goes on meanwhile. Raises `BadRequestError`, `MotionError`.
+    """
     gripper = arm_of(ctx, arm_id).spec.gripper
     return arm_of(ctx, arm_id).set_gripper(gripper.max_width, settle=_settle(settle_steps))
 
@@ -30,7 +33,8 @@ def open_gripper(ctx: ToolContext, arm_id: int = 0, settle_steps: int = 40) -> G
 def close_gripper(ctx: ToolContext, arm_id: int = 0, settle_steps: int = 60) -> GripperState:
     """Close the jaws until something stops them, then let `settle_steps` times 1 ms pass; the state after that.
 
-    It goes on squeezing afterwards. A `width` near zero means that nothing is between the jaws.
+    It goes on squeezing afterwards. A `width` near zero means that nothing is between the jaws. An arm under way
+    (`nonblocking`) goes on meanwhile. Raises `BadRequestError`, `MotionError`.
     """
     return arm_of(ctx, arm_id).set_gripper(0.0, settle=_settle(settle_steps))
 

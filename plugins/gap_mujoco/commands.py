@@ -34,7 +34,7 @@ def execute(commands: Sequence[Command]) -> None:
         finish(command.drive)
     motions = [command.motion() for command in commands]
     for command, motion in zip(commands, motions, strict=True):
-        command.drive.motion = motion
+        command.drive.begin(motion)
     while any(not motion.done for motion in motions):
         commands[0].drive.physics.step()
         if any(motion.failure for motion in motions):
@@ -54,7 +54,7 @@ def start(command: Command, *, replace: bool) -> None:
     earlier = drive.motion
     if not (replace and earlier is not None and earlier.going_on):
         finish(drive)
-    drive.motion = command.motion(flying=replace)
+    drive.begin(command.motion(flying=replace))
 
 
 def finish(drive: Drive) -> None:

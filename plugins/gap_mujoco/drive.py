@@ -112,6 +112,11 @@ class Drive:
         self.applied = Applied(self.target, self.velocity, acceleration)
         self.jaws.drive()
 
+    def begin(self, motion: Motion) -> None:
+        """Follow a motion, from the next step on."""
+        self.motion = motion
+        motion.advance()
+
     def follow(self) -> None:
         """After every step: let the motion under way, if any, write its next set-point."""
         if self.motion is not None:

@@ -85,8 +85,9 @@ def test_joints_of_both_go_home_and_count_is_checked(cell):
 def test_a_policy_action_moves_the_tcp_by_its_delta(cell):
     before = tcp(cell, 0)
     cell.call("robot_control.ApplyPolicyAction", action=[0.5, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0])
+    cell.world.wait(1.0)
     after = tcp(cell, 0)
-    np.testing.assert_allclose(after.array - before.array, [0.025, 0.0, -0.05], atol=2e-3)
+    np.testing.assert_allclose(after.array - before.array, [0.025, 0.0, -0.05], atol=1e-3)
     assert cell.call("gripper.GetPosition").width < 0.01
     with pytest.raises(BadRequestError):
         cell.call("robot_control.ApplyPolicyAction", action=[2.0, 0, 0, 0, 0, 0, 0])

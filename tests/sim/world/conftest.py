@@ -52,6 +52,39 @@ def world(make_world):
 
 
 @pytest.fixture(scope="session")
+def cells():
+    """World of one robot model, made once per session."""
+    from gap_robots.ur5e import ur5e
+
+    specs, made = {"panda": panda(), "ur5e": ur5e()}, {}
+
+    def make(robot):
+        if robot not in made:
+            task = TASK.model_copy(
+                update={"robots": [TASK.robots[0].model_copy(update={"model": robot, "home": None})]}
+            )
+            made[robot] = MujocoWorld(task, "milk", specs)
+            made[robot].task = task
+        return made[robot]
+
+    yield make
+    for world in made.values():
+        world.close()
+
+
+@pytest.fixture
+def cell_of(cells):
+    """cell_of(robot): a world of that robot whose episode has just begun."""
+
+    def fresh(robot):
+        world = cells(robot)
+        world.reset(world.sample(1))
+        return world
+
+    return fresh
+
+
+@pytest.fixture(scope="session")
 def reach_to(make_world):
     """reach_to(world, position, rotation): joints that put the TCP there, by damped least squares from where it is."""
 

@@ -1,0 +1,12 @@
+"""What every motion command begins with: an arm that has done what was started before."""
+
+from __future__ import annotations
+
+from gap_cli.contracts.types import Array
+from gap_motion.requests import Cell
+
+
+def at_rest(cell: Cell) -> Array:
+    """The joints (n,) to plan from: where the arm is once a motion under way has ended. Raises its `MotionError`."""
+    cell.arm.finish()
+    return cell.joints()
