@@ -99,13 +99,14 @@ class Course:
                 self._finish(frame)
 
     def leave(self, frame: Frame, value: str, *, failed: bool) -> None:
-        """The frame is over with this exit value. Raises `ExecutionError` where nothing follows it."""
+        """The frame is over with this exit value; plain edges are for success. Raises `ExecutionError` where nothing
+        follows."""
         node = self.graph.nodes[frame.top]
         outputs = {} if failed else frame.outputs()
         self._drop(frame, value, outputs, failed=failed)
         for name, output in outputs.items():
             self._produce(node, name, output)
-        targets = [*node.successors, *(node.routes.targets.get(value, ()) if node.routes else ())]
+        targets = [*(() if failed else node.successors), *(node.routes.targets.get(value, ()) if node.routes else ())]
         if not targets:
             raise ExecutionError(f"{node.name} ended with {value!r}, which leads nowhere.", ())
         self._due.reach(targets)

@@ -144,23 +144,32 @@ class Flow:
 
     @cached_property
     def before(self) -> dict[int, int]:
-        """For each node, the nodes that can lead to it within one pass: it waits for those of them that run."""
+        """For each node, the nodes that can lead to it within one pass, and all of a loop it comes after: it waits for
+        those of them that run."""
         found: dict[int, int] = {}
+        loops = self.loops if self.back else {}
         for node in self.order:
             mask = 0
             for number in self.into[node]:
                 source = self.arcs[number].source
                 if number not in self.back and source in found:
                     mask |= found[source] | 1 << source
+            for head, body in loops.items():
+                if mask >> head & 1 and not body >> node & 1:
+                    mask |= body
             found[node] = mask
         return found
 
     def _sure(self, node: int) -> int:
         """The nodes that surely start in every run in which this one does."""
-        within = frozenset(head for head, body in self.loops.items() if body >> node & 1)
+        within = self._around(node)
         if within not in self._certain:
             self._certain[within] = Certain(self, within)
         return self._certain[within].sure[node]
+
+    def _around(self, node: int) -> frozenset[int]:
+        """Heads of the loops that hold this node."""
+        return frozenset(head for head, body in self.loops.items() if body >> node & 1)
 
     @cached_property
     def _certain(self) -> dict[frozenset[int], Certain]:
@@ -170,6 +179,12 @@ class Flow:
         """True when `other` has always finished when `node` starts."""
         n, o = self.index[node], self.index[other]
         return n in self.rank and bool((self._sure(n) & self.before[n]) >> o & 1)
+
+    def one_surely_before(self, node: str, others: Iterable[str]) -> bool:
+        """True when at least one of the others has always finished when `node` starts."""
+        n = self.index[node]
+        earlier = sum(1 << o for o in {self.index[other] for other in others} if self.before.get(n, 0) >> o & 1)
+        return bool(earlier) and Certain(self, self._around(n), earlier).one_of(n)
 
     def surely_started(self, node: str, stream: str) -> bool:
         """True when the streaming node `stream`, which nothing waits for, has always been started before `node`."""
@@ -189,11 +204,13 @@ class Certain:
 
     Who asks matters. Seen from outside a loop, a new pass leads to what every way out of the loop leads to and to what
     lies on the way there. Seen from within (`within`: the heads of the loops that hold the node that asks), it may be
-    the first pass, so only what comes after the loop counts.
+    the first pass, so only what comes after the loop counts. `group` is a mask of nodes asked about as one: a bit of
+    its own, beyond those of the nodes, says that one of them surely starts, whichever it is.
     """
 
-    def __init__(self, flow: Flow, within: frozenset[int]) -> None:
-        self.flow, self.within = flow, within
+    def __init__(self, flow: Flow, within: frozenset[int], group: int = 0) -> None:
+        self.flow, self.within, self.group = flow, within, group
+        self._group_bit = 1 << len(flow.names)
         self.after = dict.fromkeys(flow.order, 0)
         changed = True
         while changed:
@@ -209,8 +226,15 @@ class Certain:
             ways = [self.sure[s] for s in sources if s in self.sure]
             self.sure[node] = self.after[node] | (_intersection(ways) if ways else 0)
 
+    def one_of(self, node: int) -> bool:
+        """True when one of the group surely starts in every run in which this node does."""
+        return bool(self.sure[node] & self._group_bit)
+
+    def _grouped(self, mask: int) -> int:
+        return mask | self._group_bit if mask & self.group else mask
+
     def _consequences(self, node: int) -> int:
-        mask, options, any_option = 1 << node, -1, False
+        mask, options, any_option = self._grouped(1 << node), -1, False
         for number in self.flow.out[node]:
             reached = self._leads_to(number)
             if self.flow.arcs[number].value is None:
@@ -232,7 +256,7 @@ class Certain:
             body = flow.loops.get(head, 0)
             for out in flow.leaving(body):
                 on_the_way = flow.dominators[flow.arcs[out].source] & body if head not in self.within else 0
-                ways.append(self._leads_to(out) | on_the_way)
+                ways.append(self._leads_to(out) | self._grouped(on_the_way))
             self.beyond[head] = _intersection(ways) if ways else 0
         return self.beyond[head]
 

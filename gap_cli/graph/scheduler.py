@@ -62,8 +62,7 @@ class Scheduler:
             return None
         if course.has_due:
             course.enter_due()
-        frames = course.in_order()
-        attempts = self._ready(frames[0]) if len(frames) == 1 else [a for f in frames for a in self._ready(f)]
+        attempts = self._attempts()
         if not attempts:
             if broken := self._broken_streams():
                 stop_arms(self.services.world)
@@ -82,6 +81,13 @@ class Scheduler:
             for attempt in attempts:
                 self._announce(attempt)
         return self.step
+
+    def _attempts(self) -> list[Attempt]:
+        """What may run now; nothing while a frame is to be left, since what follows it is not to wait for the rest."""
+        frames = self.course.in_order()
+        if len(frames) == 1:
+            return self._ready(frames[0])
+        return [a for f in frames for a in self._ready(f)] if all(f.due.pending for f in frames) else []
 
     def _cut_short(self) -> bool:
         world = self.services.world
@@ -119,6 +125,7 @@ class Scheduler:
     def _commit(self, step: SuperStep) -> None:
         """Take over outputs in the order of the plan, then let control move on."""
         self.step = None
+        step.overrule()
         failed = False
         looked, moved = 0.0, 0.0
         for attempt in step.attempts:

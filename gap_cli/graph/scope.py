@@ -15,6 +15,7 @@ from gap_cli.graph.model import Node, SubgraphDef, Workflow
 from gap_cli.graph.names import contract_names, infer_names
 from gap_cli.graph.shapes import ANY, Shape, output_shape
 from gap_cli.graph.walks import references_in
+from gap_cli.graph.ways import Ways
 
 
 class Scope:
@@ -160,6 +161,11 @@ class Whole:
         """How control flows from subgraph to subgraph."""
         w = self.workflow
         return Flow(w.nodes, w.edges, w.conditional_edges)
+
+    @cached_property
+    def ways(self) -> Ways:
+        """How control flows from exit to exit."""
+        return Ways(self.workflow)
 
     def scope_of(self, node: str) -> Scope | None:
         """The scope of the definition a top-level node refers to."""

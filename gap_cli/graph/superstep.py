@@ -7,7 +7,7 @@ import random
 from collections import deque
 from collections.abc import Sequence
 
-from gap_cli.contracts.failures import ToolError
+from gap_cli.contracts.failures import CancelledError, ToolError
 from gap_cli.graph.attempt import RUNNING, Attempt
 from gap_cli.graph.context import Services
 from gap_cli.graph.perform import perform
@@ -55,9 +55,11 @@ class SuperStep:
     def cancel_siblings(self, failed: Attempt) -> None:
         """Tell those that share the failed one's fate. Thread-safe: only flags are set."""
         for attempt in self._after(failed):
-            related = failed.frame.ends_run or attempt.frame is failed.frame
-            if related and attempt is not failed and attempt.state is RUNNING:
+            if _related(failed, attempt) and attempt.state is RUNNING:
                 attempt.cancel(SIBLING)
+
+    def overrule(self) -> None:
+        """Once all has ended: where it must not depend on timing, what a failure would have stopped did not happen."""
 
     def _after(self, failed: Attempt) -> list[Attempt]:
         return self.attempts
@@ -117,6 +119,17 @@ class ParallelStep(SuperStep):
             self._ended(attempt)
         return True
 
+    def overrule(self) -> None:
+        """In lockstep, a watcher behind one that failed counts as stopped, even if it had ended by then."""
+        watchers = [a for a in self.attempts if a.node.effect != "actuate"] if self._lockstep else []
+        for i, failed in enumerate(watchers):
+            if failed.error is None or failed.stopped:
+                continue
+            for attempt in watchers[i + 1 :]:
+                if _related(failed, attempt):
+                    attempt.cancelled = SIBLING
+                    attempt.error = CancelledError(f"{attempt.node.path} was told to stop: {SIBLING}.")
+
     def _next(self) -> Attempt | None:
         try:
             return self._watchers.popleft()
@@ -137,6 +150,11 @@ class ParallelStep(SuperStep):
         if self._lockstep and failed in self.attempts:
             return self.attempts[self.attempts.index(failed) + 1 :]
         return self.attempts
+
+
+def _related(failed: Attempt, attempt: Attempt) -> bool:
+    """True when the second does not go on once the first has failed."""
+    return attempt is not failed and (failed.frame.ends_run or attempt.frame is failed.frame)
 
 
 def refuse_conflicts(movers: Sequence[Attempt]) -> list[Attempt]:

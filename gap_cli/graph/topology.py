@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from gap_cli.contracts.failures import UnknownNameError
+from gap_cli.graph.beside import bits
 from gap_cli.graph.compiled import Routes
 from gap_cli.graph.flow import Flow
 from gap_cli.graph.model import END, START, Edge, Routing
@@ -66,7 +67,8 @@ def _routes(routing: Routing, entries: tuple[int, ...], find: Callable[[str], in
 
 
 def _waits_for(flow: Flow, index: Mapping[str, int]) -> tuple[int, ...]:
-    """Without the edges back: joins of one loop can reach each other through the next pass, and do not wait for it."""
+    """Without the edges back: joins of one loop can reach each other through the next pass, and do not wait for it.
+    What comes after a loop waits for all of it."""
     into: list[set[int]] = [set() for _ in index]
     entries: set[int] = set()
     for number, arc in enumerate(flow.arcs):
@@ -75,17 +77,29 @@ def _waits_for(flow: Flow, index: Mapping[str, int]) -> tuple[int, ...]:
             entries.add(index[target])
         elif number not in flow.back and target in index:
             into[index[target]].add(index[source])
-    return tuple(_ancestors(i, into) if len(into[i]) + (i in entries) > 1 else 0 for i in range(len(index)))
+    loops = [
+        (1 << index[flow.names[head]] if head else -1, _renumbered(flow, body, index))
+        for head, body in (flow.loops.items() if flow.back else ())
+    ]
+    return tuple(_ancestors(i, into, loops) if len(into[i]) + (i in entries) > 1 else 0 for i in range(len(index)))
 
 
-def _ancestors(node: int, into: Sequence[set[int]]) -> int:
+def _renumbered(flow: Flow, mask: int, index: Mapping[str, int]) -> int:
+    return sum(1 << index[flow.names[i]] for i in bits(mask) if flow.names[i] in index)
+
+
+def _ancestors(node: int, into: Sequence[set[int]], loops: Sequence[tuple[int, int]]) -> int:
     seen: set[int] = set()
     todo = [node]
     while todo:
         fresh = into[todo.pop()] - seen
         seen |= fresh
         todo.extend(fresh)
-    return sum(1 << i for i in seen if i != node)
+    mask = sum(1 << i for i in seen)
+    for head, body in loops:
+        if mask & head and not body >> node & 1:
+            mask |= body
+    return mask & ~(1 << node)
 
 
 def _looped(reached: Sequence[set[int]]) -> frozenset[int]:

@@ -14,6 +14,7 @@ from gap_cli.graph.rules import (
     dataflow,
     exits,
     kinds,
+    parallel,
     privilege,
     promises,
     resources,
@@ -25,7 +26,7 @@ from gap_cli.graph.rules import (
 from gap_cli.graph.scope import Whole
 
 _FAMILIES = (structure, exits, kinds, dataflow, data, routing, resources, privilege, skills, promises)
-_TOP_FAMILIES = (kinds, topology, dataflow, privilege, skills)
+_TOP_FAMILIES = (kinds, topology, dataflow, parallel, privilege, skills)
 
 
 def validate(workflow: Workflow, catalog: Catalog, lines: Mapping[str, int] | None = None) -> list[Finding]:

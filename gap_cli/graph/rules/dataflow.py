@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import combinations
 
 from gap_cli.contracts.skill import NAME_SLOT
 from gap_cli.contracts.typeref import TypeRef
@@ -66,53 +67,83 @@ def _type(scope: Scope, path: str, text: str, wanted: TypeRef) -> Iterator[Findi
 
 def producers(whole: Whole) -> Iterator[Finding]:
     """S13, W12, W13: every input is produced, on every path, by one subgraph of that path."""
-    names = sorted({n for s in whole.scopes.values() for n in [*s.definition.inputs, *s.definition.outputs]})
+    made = _made(whole)
+    names = sorted({n for s in whole.scopes.values() for n in s.definition.inputs} | set(made))
     bit = {name: 1 << i for i, name in enumerate(names)}
     sure, may = _available(whole, bit)
     for node, scope in whole.subgraph_nodes():
-        at = whole.flow.index[node]
-        if at not in whole.flow.rank:
+        at = whole.ways.flow.index[node]
+        if at not in whole.ways.flow.rank:
             continue
         optional = {n for n, t in scope.contract_types[0].items() if t.optional}
         for name in scope.definition.inputs:
-            path = f"{scope.path}.inputs.{name}"
-            if not any(n == name for n, _ in may[at]) and name not in optional:
-                yield Finding(
-                    path, "S13", f"no subgraph before {node!r} produces {name!r}", _nearest(name, whole, node)
-                )
-            elif not sure[at] & bit[name] and name not in optional:
-                without = _way_without(whole, at, bit, bit[name], sure)
+            path, ways = f"{scope.path}.inputs.{name}", made.get(name, [])
+            if name in optional:
+                yield from _beside(whole, node, path, name, ways)
+            elif not any(n == name for n, _ in may[at]):
+                message = f"no subgraph before {node!r} produces {name!r}"
+                yield Finding(path, "S13", message, _nearest(name, whole, node))
+            elif not sure[at] & bit[name] and not _brought_by_a_branch(whole, node, ways):
+                without = _way_without(whole, at, bit[name], sure)
                 yield Finding(path, "W12", f"{name!r} is not produced on every way to {node!r}{without}")
         yield from _twice(node, scope, may[at])
         yield from _flowing_types(whole, node, scope, may[at])
+    yield from _twice_at_once(whole, made)
+
+
+def _made(whole: Whole) -> dict[str, list[str]]:
+    """For each name the exits (nodes of `whole.ways`) that give it."""
+    found: dict[str, list[str]] = {}
+    for way in whole.ways.exits:
+        for name in sorted(_given(whole, way)):
+            found.setdefault(name, []).append(way)
+    return found
+
+
+def _brought_by_a_branch(whole: Whole, node: str, ways: list[str]) -> bool:
+    """True where branches join in this node, and one of them always brings what these exits give."""
+    return whole.ways.forks and whole.ways.flow.one_surely_before(node, ways)
 
 
 def _available(whole: Whole, bit: dict[str, int]) -> tuple[dict[int, int], dict[int, set[tuple[str, str]]]]:
-    """Per node: names surely produced before it, and every (name, producing node) that may have been."""
-    flow = whole.flow
+    """Per node: names produced on every single path to it, and every (name, producing node) on any."""
+    flow = whole.ways.flow
     sure = dict.fromkeys(flow.order, -1)
     sure[0] = 0
     may: dict[int, set[tuple[str, str]]] = {node: set() for node in flow.order}
+    given = {flow.index[way]: _given(whole, way) for way in whole.ways.exits}
     changed = True
     while changed:
         changed = False
         for node in flow.order[1:]:
-            mask, seen = -1, set()
-            for number in flow.into[node]:
-                arc = flow.arcs[number]
-                if arc.source in sure:
-                    given = _given(whole, arc.source, arc.value)
-                    mask &= sure[arc.source] | sum(bit[n] for n in given)
-                    name = flow.names[arc.source]
-                    seen |= may[arc.source] | {(n, name) for n in given}
+            sources = [s for number in flow.into[node] if (s := flow.arcs[number].source) in sure]
+            mask, seen = -1, set[tuple[str, str]]()
+            for source in sources:
+                mask &= sure[source]
+                seen |= may[source]
+            if node in given:
+                mask |= sum(bit[n] for n in given[node])
+                seen |= {(n, whole.ways.exits[flow.names[node]][0]) for n in given[node]}
             if mask != sure[node] or seen != may[node]:
                 sure[node], may[node], changed = mask, seen, True
     return sure, may
 
 
-def _given(whole: Whole, source: int, value: str | None) -> frozenset[str]:
-    scope = whole.scope_of(whole.flow.names[source]) if source else None
-    return scope.gives(value) if scope is not None and value is not None else frozenset()
+def _given(whole: Whole, way: str) -> frozenset[str]:
+    """Names that are always there after an exit."""
+    node, value = whole.ways.exits[way]
+    scope = whole.scope_of(node)
+    return scope.gives(value) if scope is not None else frozenset()
+
+
+def _beside(whole: Whole, node: str, path: str, name: str, ways: list[str]) -> Iterator[Finding]:
+    """W12 for an input that need not be there, but that a branch beside this one may produce."""
+    for way in ways if whole.ways.forks else ():
+        other = whole.ways.exits[way][0]
+        if other != node and whole.ways.beside.may_overlap(node, other):
+            message = f"{other!r} produces {name!r} beside {node!r}, not before it"
+            yield Finding(path, "W12", message, f"Lead from {other!r} to {node!r}.")
+            return
 
 
 def _nearest(name: str, whole: Whole, node: str) -> str:
@@ -123,14 +154,13 @@ def _nearest(name: str, whole: Whole, node: str) -> str:
     return did_you_mean(name, outputs) if outputs else "No subgraph has outputs."
 
 
-def _way_without(whole: Whole, at: int, bit: dict[str, int], wanted: int, sure: dict[int, int]) -> str:
-    flow = whole.flow
+def _way_without(whole: Whole, at: int, wanted: int, sure: dict[int, int]) -> str:
+    flow, exits = whole.ways.flow, whole.ways.exits
     for number in flow.into[at]:
-        arc = flow.arcs[number]
-        given = sum(bit[n] for n in _given(whole, arc.source, arc.value))
-        if arc.source in sure and not (sure[arc.source] | given) & wanted:
-            by = f" by its exit {arc.value!r}" if arc.value is not None else ""
-            return f": not when it comes from {flow.names[arc.source]!r}{by}"
+        source = flow.arcs[number].source
+        if source in sure and not sure[source] & wanted:
+            node, value = exits.get(flow.names[source], (flow.names[source], ""))
+            return f": not when it comes from {node!r}" + (f" by its exit {value!r}" if value else "")
     return ""
 
 
@@ -139,9 +169,27 @@ def _twice(node: str, scope: Scope, before: set[tuple[str, str]]) -> Iterator[Fi
         others = sorted(p for n, p in before if n == name and p != node)
         if others:
             message = f"{others[0]!r} has produced {name!r} already on a way to {node!r}"
-            slot = scope.contract is not None and any(n.startswith(NAME_SLOT) for n in scope.contract.outputs)
-            hint = f'Give it a name of its own: names={{"{SLOT if slot else name}": ...}}.'
-            yield Finding(f"{scope.path}.outputs.{name}", "W13", message, hint)
+            yield Finding(f"{scope.path}.outputs.{name}", "W13", message, _own_name(scope, name))
+
+
+def _own_name(scope: Scope | None, name: str) -> str:
+    contract = scope.contract if scope is not None else None
+    slot = contract is not None and any(n.startswith(NAME_SLOT) for n in contract.outputs)
+    return f'Give it a name of its own: names={{"{SLOT if slot else name}": ...}}.'
+
+
+def _twice_at_once(whole: Whole, made: dict[str, list[str]]) -> Iterator[Finding]:
+    """W13 for branches that run side by side."""
+    for name, ways in made.items() if whole.ways.forks else ():
+        seen = set()
+        for one, other in combinations(ways, 2):
+            pair = (whole.ways.exits[one][0], whole.ways.exits[other][0])
+            if pair[0] != pair[1] and pair not in seen and whole.ways.both_taken(one, other):
+                seen.add(pair)
+                scope = whole.scope_of(pair[1])
+                path = f"{scope.path}.outputs.{name}" if scope is not None else f"nodes.{pair[1]}"
+                message = f"{pair[0]!r} and {pair[1]!r} can both produce {name!r} in one pass"
+                yield Finding(path, "W13", message, _own_name(scope, name))
 
 
 def _flowing_types(whole: Whole, node: str, scope: Scope, before: set[tuple[str, str]]) -> Iterator[Finding]:

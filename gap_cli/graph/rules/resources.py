@@ -45,7 +45,8 @@ def _tool_holds(spec: ToolSpec, known: dict[str, Any]) -> Iterator[Hold]:
         yield Hold(CLOCK, spec.effect == "sense", spec.name)
 
 
-def _clash(a: Hold, b: Hold) -> bool:
+def clash(a: Hold, b: Hold) -> bool:
+    """True when the two cannot be held at the same time."""
     if a.shared and b.shared:
         return False
     kind, _, which = a.resource.partition(":")
@@ -64,7 +65,7 @@ def r1_r2_one_holder_at_a_time(scope: Scope) -> Iterator[Finding]:
 
 
 def _pair(scope: Scope, a: str, b: str, ours: list[Hold], theirs: list[Hold]) -> Iterator[Finding]:
-    clashes = [(x, y) for x in ours for y in theirs if _clash(x, y)]
+    clashes = [(x, y) for x in ours for y in theirs if clash(x, y)]
     actuators = [c for c in clashes if CLOCK not in (c[0].resource, c[1].resource)]
     beside = f"beside {b!r}" if a != b else "in copies"
     hint = f'Add add_edge("{a}", "{b}").' if a != b else "Collect the items and act on them in one node."

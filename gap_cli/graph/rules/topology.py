@@ -20,28 +20,24 @@ def s1_top(whole: Whole) -> Iterator[Finding]:
 
 
 def w7_entry(whole: Whole) -> Iterator[Finding]:
-    """W7: the task begins with exactly one subgraph."""
+    """W7: the task begins with a subgraph, or with several side by side."""
     w = whole.workflow
     entries = [(i, target) for i, (source, target) in enumerate(w.edges) if source == START]
     if START in w.conditional_edges:
         yield Finding("conditional_edges.START", "W7", "START decides nothing", "Use spec.add_edge(START, ...).")
     if not entries:
         yield Finding("edges", "W7", "nothing starts the task", "Add spec.add_edge(START, <first subgraph node>).")
-    for i, _ in entries[1:]:
-        hint = "One subgraph runs at a time; put what runs in parallel into one subgraph."
-        yield Finding(f"edges.{i}", "W7", "is a second start", hint)
     for i, target in entries:
         if target == END or (target in w.nodes and w.nodes[target].type != "subgraph"):
             yield Finding(f"edges.{i}", "W7", f"the task starts at {target!r}, which is not a subgraph")
 
 
 def w8_every_exit_is_routed(whole: Whole) -> Iterator[Finding]:
-    """W8: every success value and on_error leads somewhere, nothing else does, and by the exit alone."""
+    """W8: every success value and on_error leads somewhere, and nothing else does; a plain edge is for any success."""
     w = whole.workflow
-    for i, (source, _) in enumerate(w.edges):
-        if source in w.nodes and w.nodes[source].type == "subgraph":
-            hint = f'Write add_conditional_edges("{source}", {{<exit>: <node>, ...}}, router_field="exit").'
-            yield Finding(f"edges.{i}", "W8", f"{source!r} is left by a plain edge, whatever its exit", hint)
+    for i, (source, target) in enumerate(w.edges):
+        if target == END and source != START:
+            yield Finding(f"edges.{i}", "W8", "leads to END", "Lead to an end node (spec.add_end).")
     for source, routes in w.conditional_edges.items():
         path = f"conditional_edges.{source}"
         if source in w.nodes and w.nodes[source].type == "subgraph" and routes.router_field != EXIT:
@@ -57,8 +53,9 @@ def _routed(whole: Whole, name: str, scope: Scope) -> Iterator[Finding]:
     exits = [*dict.fromkeys([*scope.definition.exit.success_values, scope.definition.on_error])]
     routes = whole.workflow.conditional_edges.get(name)
     mapping = routes.mapping if routes is not None else {}
+    plain = any(source == name for source, _ in whole.workflow.edges)
     for value in exits:
-        if value not in mapping:
+        if value not in mapping and not (plain and value != scope.definition.on_error):
             kind = "on_error" if value == scope.definition.on_error else "exit"
             hint = f'Add "{value}": <node> to the conditional edges of {name}.'
             yield Finding(f"conditional_edges.{name}", "W8", f"{kind} {value!r} of {name!r} leads nowhere", hint)
@@ -107,12 +104,8 @@ def w10_definitions(whole: Whole) -> Iterator[Finding]:
 def w14_loops_have_a_budget(whole: Whole) -> Iterator[Finding]:
     """W14: a loop of subgraphs none of which says how often it may be visited."""
     w = whole.workflow
-    edges = [
-        (source, target)
-        for source, routes in w.conditional_edges.items()
-        for target in routes.mapping.values()
-        if source in w.nodes and target in w.nodes
-    ]
+    routed = [(s, t) for s, routes in w.conditional_edges.items() for t in routes.mapping.values()]
+    edges = [(s, t) for s, t in [*w.edges, *routed] if s in w.nodes and t in w.nodes]
     free = {n for n, node in w.nodes.items() if node.max_visits is None}
     left = set(free)
     while left:  # peel off what leads out of the free nodes; what stays is on a free loop or leads into one

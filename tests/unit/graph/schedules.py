@@ -11,6 +11,7 @@ class Seen:
     """What happened in some schedule. Nodes are names."""
 
     missing: set = field(default_factory=set)  # (node, other): node started and other had not finished
+    finished: set = field(default_factory=set)  # (node, nodes that had finished when it started)
     overlaps: set = field(default_factory=set)  # {a, b} ran at once
     started: set = field(default_factory=set)
     restarts: set = field(default_factory=set)  # a node was reached again while it ran or waited after it had run
@@ -34,6 +35,7 @@ def explore(names, edges, routing, waits, fan_out=()):
             seen.stuck = True
         for n in ready:
             seen.started.add(n)
+            seen.finished.add((n, done))
             seen.missing |= {(n, o) for o in names if o not in done}
             seen.overlaps |= {frozenset((n, o)) for o in running}
             todo.append((running | {n}, due - {n}, done, ended))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
@@ -64,6 +66,19 @@ def test_a_stream_is_there_once_it_was_surely_started():
     assert not maybe.surely_started("b", "s")
 
 
+def test_a_join_waits_for_a_node_that_only_leads_back():
+    flow = make("altz", pairs("START>a START>l t>l a>z z>END"), {"l": {"again": "t", "on": "z"}})
+    assert not Beside(flow).may_overlap("t", "z") and not Beside(flow).may_overlap("l", "z")
+    assert all(Beside(flow).restarted_under(n, frozenset()) is None for n in flow.back)
+    assert Beside(flow).may_overlap("t", "a")
+
+
+def test_of_two_ways_one_was_taken():
+    assert CHOICE.one_surely_before("d", "bc") and not CHOICE.one_surely_before("d", "b")
+    assert not CHOICE.one_surely_before("b", "cd")
+    assert not CHOICE.one_surely_before("a", "bc")
+
+
 def test_a_loop_with_two_ways_in_is_no_loop():
     flow = make("abc", pairs("START>a START>b a>b c>END"), {"b": {"x": "a", "y": "c"}})
     assert len(flow.irreducible) == 1 and not flow.loops
@@ -105,10 +120,19 @@ def judged(graph):
     return flow, beside, explore(names, edges, routing, waits, fan_out)
 
 
+def pairs_of(names):
+    """Every node with every pair of others."""
+    return [(n, frozenset(p)) for n in names for p in combinations([m for m in names if m != n], 2)]
+
+
 @settings(max_examples=120, deadline=None)
 @given(graphs(cyclic=False))
 def test_without_loops_the_analysis_is_exact(graph):
     flow, beside, seen = judged(graph)
+    for n, group in pairs_of(graph[0]):
+        sure = all(group & done for m, done in seen.finished if m == n)
+        assert not flow.one_surely_before(n, group) or sure, (n, group)
+        event(f"one of two: {'exact' if flow.one_surely_before(n, group) == sure else 'careful'}")
     for n in seen.started:
         for o in graph[0]:
             sure = (n, o) not in seen.missing
@@ -130,6 +154,9 @@ def test_with_loops_it_never_promises_what_may_not_be(graph):
     if unsound:
         return
     assert not seen.restarts and not seen.stuck and seen.endings == 1
+    for n, group in pairs_of(graph[0]):
+        if flow.one_surely_before(n, group):
+            assert all(group & done for m, done in seen.finished if m == n), (n, group)
     for n in seen.started:
         for o in graph[0]:
             assert not (flow.surely_before(n, o) and (n, o) in seen.missing), (n, o)

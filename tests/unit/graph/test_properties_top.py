@@ -40,7 +40,7 @@ def subgraph(i, reads, writes, only_up):
 
 @st.composite
 def topologies(draw):
-    """Up to four segments that lead anywhere, with the contracts they keep to."""
+    """Up to four segments that lead anywhere, some side by side, with the contracts they keep to."""
     count = draw(st.integers(1, 4))
     names, nodes = [f"s{i}" for i in range(count)], [*(f"s{i}" for i in range(count)), "done", "abort"]
     values = [f"v{i}" for i in range(count)]
@@ -54,7 +54,9 @@ def topologies(draw):
         routing[name] = {"router_field": "exit", "mapping": routes}
     top = {n: {"type": "subgraph", "ref": n, "max_visits": draw(st.sampled_from([5, 5, 5, None]))} for n in names}
     ends = {"done": {"type": "end", "status": "success"}, "abort": {"type": "end", "status": "failure"}}
-    data = {"version": 3, "nodes": top | ends, "edges": [["START", "s0"]], "conditional_edges": routing}
+    forks = draw(st.lists(st.tuples(st.sampled_from(["START", *names]), st.sampled_from(nodes)), max_size=2))
+    edges = [["START", "s0"], *map(list, forks)]
+    data = {"version": 3, "nodes": top | ends, "edges": edges, "conditional_edges": routing}
     return parse_workflow({**data, "subgraphs": parts}, "topology")
 
 
@@ -66,7 +68,7 @@ def contracts(workflow):
     }
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=300, deadline=None)
 @given(topologies())
 def test_what_validates_always_has_its_inputs_and_ends(workflow):
     skills = contracts(workflow)

@@ -59,6 +59,15 @@ def test_two_joins_of_one_loop_do_not_wait_for_each_other():
     assert not waits(topology, "h")
 
 
+def test_a_join_waits_for_all_of_a_loop_in_one_of_its_branches():
+    routing = {"l": Routing(router_field="again", mapping={"true": "t", "false": "z"})}
+    topology = make_topology(
+        ["a", "l", "t", "z"], [("START", "a"), ("START", "l"), ("t", "l"), ("a", "z")], routing, "x"
+    )
+    assert waits(topology, "z") == {"a", "l", "t"}
+    assert waits(topology, "l") == set()
+
+
 def test_order_of_declaration_does_not_matter():
     edges = [("START", "a"), ("a", "b"), ("b", "END")]
     assert make_topology(["a", "b"], edges, {}, "x") == make_topology(["b", "a"], edges[::-1], {}, "x")
