@@ -86,12 +86,34 @@ def filter_noise(
     points = finite_points(point_cloud)
     if eps <= 0 or min_samples < 1:
         raise BadRequestError("range", f"eps must be positive and min_samples at least 1, got {eps} and {min_samples}.")
-    keep = cluster(points, eps, min_samples) >= 0
+    keep = ~is_noise(points, eps, min_samples)
     colors = point_cloud.colors
     if colors is not None:
         colors = colors[np.isfinite(point_cloud.points).all(axis=1)][keep]
     finite_points(PointCloud(points[keep]))
     return PointCloud(points[keep], colors)
+
+
+def is_noise(points: Array, eps: float, min_samples: int) -> Array:
+    """Which points DBSCAN would label -1, shape (N,): as `cluster` says, but for the last
+    bit of a distance of exactly `eps`, several times as fast.
+
+    Noise needs no clusters: a point is kept when its `min_samples`-th neighbour, or a point of which that is true,
+    lies within `eps` [m].
+    """
+    from scipy.spatial import cKDTree
+
+    if len(points) < min_samples:
+        return np.ones(len(points), dtype=bool)
+    bound = float(np.nextafter(eps, np.inf))  # scipy looks for what is nearer, DBSCAN for what is not farther
+    reach, _ = cKDTree(points).query(points, k=[min_samples], distance_upper_bound=bound)
+    core = reach[:, 0] <= eps
+    if not core.any() or core.all():
+        return np.asarray(~core)
+    noise = ~core
+    nearest, _ = cKDTree(points[core]).query(points[noise], distance_upper_bound=bound)
+    noise[noise] = nearest > eps
+    return np.asarray(noise)
 
 
 def cluster(points: Array, eps: float, min_samples: int) -> Array:

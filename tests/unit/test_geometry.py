@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -75,6 +75,22 @@ def test_noise_is_dropped_and_every_cluster_stays():
     kept = clouds.filter_noise.function(PointCloud(np.concatenate([one.points, stray, two.points]))).points
     assert not (kept == stray).all(axis=1).any()
     assert (kept[:, 0] < 0.1).any() and (kept[:, 0] > 0.1).any()
+
+
+@settings(deadline=None)  # the first call loads scikit-learn
+@given(
+    seed=st.integers(0, 10_000),
+    count=st.integers(1, 400),
+    spread=st.floats(0.002, 0.1),
+    eps=st.sampled_from([0.0021, 0.0055, 0.0205]),
+    min_samples=st.sampled_from([1, 2, 10, 401]),
+    grid=st.booleans(),
+)
+def test_noise_is_what_dbscan_calls_noise(seed, count, spread, eps, min_samples, grid):
+    points = np.random.default_rng(seed).normal(0, spread, (count, 3))
+    points = np.round(points, 3) if grid else points  # rounded: many at exactly the same place
+    noise = clouds.cluster(points, eps, min_samples) < 0
+    assert (clouds.is_noise(points, eps, min_samples) == noise).all()
 
 
 @given(
