@@ -10,6 +10,7 @@ import numpy as np
 
 from gap_cli.contracts.failures import MotionError
 from gap_cli.contracts.types import Array
+from gap_mujoco.compiled import TIMESTEP
 from gap_mujoco.joint_move import joint_move
 from gap_mujoco.setpoints import setpoints
 from gap_mujoco.stopping import braking
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from gap_mujoco.drive import Drive
 
 BACK_OFF = 0.010  # [m] of the TCP, at most
-RELEASED = 0.5  # of the torque that counts as a contact: at most that much is left when the arm stops yielding
+RELEASED = 0.2  # of the torque that counts as a contact: with that much left the arm need not back off further
 _BLOCKED_SPEED = 0.05  # [rad/s]: something else has stopped the arm
 _RELAX = 25  # steps for the force to go once the arm no longer presses
 _MARKS = 100  # looks that are remembered: one second
@@ -46,15 +47,21 @@ class Trail:
 
 def give_way(drive: Drive, trail: Trail) -> Iterator[None]:
     """Yields whenever physics is to step. At most a stop, then `BACK_OFF` at half the joints' limits."""
-    points = braking(drive.spec, drive.positions, drive.velocities, np.zeros(drive.spec.dof))
-    for position, velocity in zip(*points, strict=True):
-        drive.aim(position, velocity)
-        yield
+    for slower in braking(drive.spec, drive.positions, drive.velocities, np.zeros(drive.spec.dof)).velocities:
         if np.abs(drive.velocities).max() < _BLOCKED_SPEED:
             break
+        velocity = _no_faster(slower, drive.velocities)  # so that it never pushes against what slows it down
+        drive.aim(drive.positions + velocity * TIMESTEP, velocity)
+        yield
     yield from _let_go(drive)
     if _pressed(drive):
         yield from _back_off(drive, trail)
+
+
+def _no_faster(wanted: Array, measured: Array) -> Array:
+    """The wanted velocities (n,), brought down to the measured ones in size, and to zero where those are reversed."""
+    size = np.minimum(np.abs(wanted), np.maximum(np.sign(wanted) * measured, 0.0))
+    return np.asarray(np.sign(wanted) * size)
 
 
 def _let_go(drive: Drive) -> Iterator[None]:
