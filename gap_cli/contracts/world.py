@@ -91,6 +91,9 @@ class Arm(Protocol):
     def stop(self) -> None:
         """Stop inside the limits and hold. Safe to call from any thread, at any time, repeatedly.
 
+        From speed v a joint takes v/a to rest and v^2/2a on the way, and what its jerk limit adds; all joints take as
+        long as the slowest.
+
         It ends what was started too, and forgets its failure; world time must pass for the arm to come to rest.
         """
 
