@@ -23,7 +23,7 @@ PERIOD = 0.01  # s between samples of a trajectory
 FINE = 0.002  # s between the samples that averages and checks work on
 SMOOTH = 0.016  # s: the wider average; longer where jerk asks for it
 MARGIN = 0.97  # of accelerations, jerks and TCP speed is used: the arm still has to track what is planned
-SPEED = 0.94  # of joint speeds: servos overshoot where a fast acceleration ends
+SPEED = 0.97  # of joint speeds
 
 
 @dataclass(frozen=True)

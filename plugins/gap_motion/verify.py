@@ -100,20 +100,18 @@ class Judge:
         from scipy.interpolate import CubicSpline
 
         data, dt = self._data, float(self._model.opt.timestep)
-        stiffness = self._model.actuator_gainprm[self._u, 0]
-        lead = -self._model.actuator_biasprm[self._u, 2] / stiffness
         self._place(trajectory.positions[0])
         data.qvel[:] = 0.0
         data.ctrl[self._model.actuator("gripper").id] = self._width
         bounds = [np.array([getattr(x, k) for x in self._spec.limits]) for k in ("velocity", "torque")]
         lag = speed = torque = 0.0
         contacts: set[str] = set()
-        times = np.arange(dt, trajectory.duration + 0.25, dt)
         course = CubicSpline(trajectory.times, trajectory.positions, bc_type="clamped")
-        ends = np.minimum(times, trajectory.duration)
-        for target, velocity in zip(course(ends), course(ends, 1), strict=True):
-            moving = data.qfrc_bias[self._v] - data.qfrc_gravcomp[self._v]  # what motion itself asks of the motors
-            data.ctrl[self._u] = target + lead * velocity + moving / stiffness
+        ends = np.minimum(np.arange(dt, trajectory.duration + 0.25, dt), trajectory.duration)
+        targets, velocities = course(ends), course(ends, 1)
+        accelerations = np.diff(velocities, axis=0, prepend=0.0) / dt
+        for target, velocity, acceleration in zip(targets, velocities, accelerations, strict=True):
+            self._serve(target, velocity, acceleration)
             self._mujoco.mj_step(self._model, data)
             lag = max(lag, float(np.abs(data.qpos[self._q] - target).max()))
             speed = max(speed, float((np.abs(data.qvel[self._v]) / bounds[0]).max()))
@@ -121,6 +119,20 @@ class Judge:
             contacts |= self._touching()
         rest = float(np.abs(data.qpos[self._q] - trajectory.positions[-1]).max())
         return Tracked(lag, speed, torque, rest, tuple(sorted(contacts)))
+
+    def _serve(self, target: Array, velocity: Array, acceleration: Array) -> None:
+        """Write the servos' set-points for the end of this step, with the torque that the motion itself takes.
+
+        A servo sees positions as the step begins and, as it is integrated implicitly, velocities as it ends.
+        """
+        data, model = self._data, self._model
+        stiffness, damping = model.actuator_gainprm[self._u, 0], -model.actuator_biasprm[self._u, 2]
+        moving, inertia = np.zeros(model.nv), np.zeros(model.nv)
+        moving[self._v] = acceleration
+        self._mujoco.mj_mulM(model, data, inertia, moving)
+        torque = inertia[self._v] + data.qfrc_bias[self._v] - data.qfrc_gravcomp[self._v]
+        torque += (damping + model.dof_damping[self._v]) * velocity
+        data.ctrl[self._u] = target - velocity * float(model.opt.timestep) + torque / stiffness
 
     def _sweep(self, trajectory: Trajectory) -> tuple[Array, set[str]]:
         times = np.arange(0.0, trajectory.duration + LOOK, LOOK).clip(max=trajectory.duration)

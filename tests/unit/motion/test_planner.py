@@ -71,6 +71,14 @@ def test_timed_motions_are_judged_clean_by_another_checker(spec, seed):
         assert verdict.clean and verdict.step < 0.05, verdict
 
 
+def test_servos_follow_a_planned_motion_closely_and_inside_every_limit(spec):
+    problem = free_space(spec, 2, seed=20)[1]
+    found = to_joints(problem.checker, problem.start, problem.goals, 0)
+    tracked = Judge(spec, problem.shapes).follow(found.trajectory)
+    assert not tracked.contacts and tracked.velocity <= 1.0 and tracked.torque <= 1.0
+    assert tracked.lag < 2e-3 and tracked.rest_error < 1e-3
+
+
 def test_grasps_are_reached_straight_and_touch_only_the_target(spec):
     problem = groceries(spec, 1, grasps=12)[0]
     found = to_grasps(problem.situation, problem.start, problem.grasps, 0.08, [problem.target], 0)
