@@ -10,6 +10,7 @@ from gap_motion.checker import Checker
 from gap_motion.free_motion import to_joints
 from gap_motion.goals import free_goals, within_limits
 from gap_motion.moves import straight
+from gap_motion.obstacles import unknown_obstacle
 from gap_motion.planner import refuse_contact
 from gap_motion.situation import Situation
 
@@ -30,6 +31,8 @@ def grasp_motion(
 
     Raises `PlanningError`, `BadRequestError` (`unknown_obstacle`).
     """
+    if name and name not in situation.scene.names:
+        raise unknown_obstacle(name, situation.scene.names)
     cell, before, after = situation.cell, grasp.copy(), grasp.copy()
     before[:3, 3] -= approach
     after[:3, 3] += lift

@@ -99,10 +99,9 @@ def make_scene(config: WorldConfig | None, without: Collection[str] = ()) -> Sce
     `unknown_obstacle` for a name in `without` that no obstacle has.
     """
     obstacles = list(config.obstacles) if config is not None else []
-    missing = sorted(set(without) - {o.name for o in obstacles})
-    if missing:
-        known = ", ".join(sorted({o.name for o in obstacles})) or "none"
-        raise BadRequestError("unknown_obstacle", f"There is no obstacle {missing[0]!r}.", hint=f"Known: {known}.")
+    names = {o.name for o in obstacles}
+    if missing := sorted(set(without) - names):
+        raise unknown_obstacle(missing[0], names)
     kept = [_checked(o) for o in obstacles if o.name not in without]
     rotations = [o.box.orientation.rotation.as_matrix().T for o in kept]
     return Scene(
@@ -113,6 +112,12 @@ def make_scene(config: WorldConfig | None, without: Collection[str] = ()) -> Sce
         np.zeros(len(kept)),
         {i: f for i, o in enumerate(kept) if (f := field_of(o.points, o.box)) is not None},
     )
+
+
+def unknown_obstacle(name: str, known: Collection[str]) -> BadRequestError:
+    """The error of a name that no obstacle has (`unknown_obstacle`)."""
+    listed = ", ".join(sorted(known)) or "none"
+    return BadRequestError("unknown_obstacle", f"There is no obstacle {name!r}.", hint=f"Known: {listed}.")
 
 
 def with_spheres(scene: Scene, names: Sequence[str], centers: Array, radii: Array) -> Scene:

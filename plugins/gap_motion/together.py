@@ -20,10 +20,15 @@ APART = 0.01  # m kept between two arms
 
 
 def in_step(trajectories: Sequence[Trajectory]) -> list[Trajectory]:
-    """The same motions, the shorter ones slowed down so that all take equally long, sampled at equal times."""
+    """The same motions, the shorter ones slowed down so that all take equally long, sampled at equal times.
+
+    Where none moves they are returned as they are, one point each.
+    """
     from scipy.interpolate import CubicHermiteSpline
 
     longest = max(t.duration for t in trajectories)
+    if longest == 0.0:
+        return list(trajectories)
     times = np.linspace(0.0, longest, max(2, round(longest / PERIOD) + 1))
     out = []
     for t in trajectories:

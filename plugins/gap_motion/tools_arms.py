@@ -13,7 +13,7 @@ from gap_motion import moves
 from gap_motion.envelope import refuse
 from gap_motion.policy_step import Stream, begin, checked_action, step, to_rest, wants_closed
 from gap_motion.ready import at_rest
-from gap_motion.requests import STEP, Cell, finite, joints_of, pose_matrix
+from gap_motion.requests import STEP, Cell, finite, joints_of, pose_matrix, positive
 from gap_motion.timing import point_to_point
 from gap_motion.together import move_together
 
@@ -34,8 +34,9 @@ def go_to_pose_arm(
     """
     cell = Cell.of(ctx, arm_id)
     target = cell.last_frame(pose_matrix(pose, "pose"), tcp_offset)
+    back = _approach(z_approach)
     start = at_rest(cell)
-    trajectory = moves.to_pose(cell, start, target, _approach(z_approach))
+    trajectory = moves.to_pose(cell, start, target, back)
     refuse(cell, trajectory, ctx.task, start)
     ctx.raise_if_cancelled()
     if trajectory.duration > 0:
@@ -60,10 +61,8 @@ def go_to_pose_both(
         cell.last_frame(pose_matrix(pose, what), tcp_offset)
         for cell, pose, what in zip(cells, (pose_arm0, pose_arm1), ("pose_arm0", "pose_arm1"), strict=True)
     ]
-    planned = [
-        moves.to_pose(cell, at_rest(cell), target, _approach(z_approach))
-        for cell, target in zip(cells, targets, strict=True)
-    ]
+    back = _approach(z_approach)
+    planned = [moves.to_pose(cell, at_rest(cell), target, back) for cell, target in zip(cells, targets, strict=True)]
     move_together(ctx, cells, planned, 0.01)
 
 
@@ -81,11 +80,12 @@ def move_to_joints_both(
         joints_of(state, cell.spec, what)
         for cell, state, what in zip(cells, (joints_arm0, joints_arm1), ("joints_arm0", "joints_arm1"), strict=True)
     ]
+    near = positive(tolerance, "tolerance")
     planned = [
         moves.within_steps(point_to_point(cell.chain, np.stack([at_rest(cell), goal])), max_steps)
         for cell, goal in zip(cells, goals, strict=True)
     ]
-    move_together(ctx, cells, planned, tolerance)
+    move_together(ctx, cells, planned, near)
 
 
 @tool("robot_control.ApplyPolicyAction", effect="actuate", resources=("arm:{arm_id}", "gripper:{arm_id}", "clock"))

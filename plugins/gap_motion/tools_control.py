@@ -57,9 +57,10 @@ def go_to_pose(
     if finite(z_approach, "z_approach") < 0:
         raise BadRequestError("range", f"z_approach must not be negative, got {z_approach}.")
     target = cell.last_frame(pose_matrix(pose, "pose"), tcp_offset)
+    near = positive(tolerance, "tolerance")
     start = at_rest(cell)
     trajectory = moves.within_steps(moves.to_pose(cell, start, target, z_approach), max_steps)
-    _run(ctx, cell, trajectory, start, tolerance, nonblocking)
+    _run(ctx, cell, trajectory, start, near, nonblocking)
 
 
 @tool("robot_control.GoToPoseCartesian", effect="actuate", resources=ARM, deadline_s=60.0)
@@ -101,8 +102,9 @@ def execute_joint_trajectory(
     planned = trajectory_of(trajectory, cell.spec)
     keep = np.unique(np.append(np.arange(0, len(planned.times), subsample), len(planned.times) - 1))
     velocities = None if planned.velocities is None else planned.velocities[keep]
+    near = positive(tolerance, "tolerance")
     start = at_rest(cell)
-    _run(ctx, cell, Trajectory(planned.times[keep], planned.positions[keep], velocities), start, tolerance)
+    _run(ctx, cell, Trajectory(planned.times[keep], planned.positions[keep], velocities), start, near)
 
 
 @tool("robot_control.MoveToJoints", effect="actuate", resources=ARM, deadline_s=60.0)
@@ -113,10 +115,10 @@ def move_to_joints(ctx: ToolContext, joint_config: JointState, tolerance: float 
     """
     cell = Cell.of(ctx, 0)
     goal = joints_of(joint_config, cell.spec, "joint_config")
+    near = positive(tolerance, "tolerance")
     start = at_rest(cell)
-    _run(
-        ctx, cell, moves.within_steps(point_to_point(cell.chain, np.stack([start, goal])), max_steps), start, tolerance
-    )
+    planned = moves.within_steps(point_to_point(cell.chain, np.stack([start, goal])), max_steps)
+    _run(ctx, cell, planned, start, near)
 
 
 @tool("robot_control.GoHome", effect="actuate", resources=("arm:0", "arm:1", "clock"), deadline_s=60.0)

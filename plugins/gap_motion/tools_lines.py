@@ -6,16 +6,17 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from gap_cli.contracts.failures import PlanningError
+from gap_cli.contracts.failures import BadRequestError, PlanningError
 from gap_cli.contracts.tool import ToolContext, tool
 from gap_cli.contracts.types import WORLD, Array, JointState, Se3Pose, Trajectory, Vec3, WorldConfig
 from gap_motion.checker import MARGIN
 from gap_motion.directed import directed_end, held_end
 from gap_motion.grasp_motion import grasp_motion
 from gap_motion.moves import straight
-from gap_motion.requests import Cell, joints_of, pose_matrix, positive, unit_vector
+from gap_motion.requests import Cell, finite, joints_of, pose_matrix, positive, unit_vector
 from gap_motion.situation import Situation
 
+MOST_WAYPOINTS = 1000
 START = 0.01  # m, and 10 times that in rad: how far start_pose may be from where start_joint_position puts the TCP
 ALONG_TOOL, UP = Vec3(0.0, 0.0, 1.0), Vec3(0.0, 0.0, 1.0)
 
@@ -56,6 +57,8 @@ def plan_linear(
     are at the start. Raises `BadRequestError`; other failures are told in `failure_reason`.
     """
     situation = Situation.of(ctx, arm_id, world_config, collision_margin)
+    if not 2 <= num_waypoints <= MOST_WAYPOINTS:
+        raise BadRequestError("range", f"num_waypoints must be 2 to {MOST_WAYPOINTS}, got {num_waypoints}.")
     start = joints_of(start_joint_position, situation.cell.spec, "start_joint_position")
     first, last = pose_matrix(start_pose, "start_pose"), pose_matrix(end_pose, "end_pose")
     return _line(situation, start, first, held_end(first, last, hold_vec_weight), num_waypoints)
@@ -84,7 +87,7 @@ def plan_directed_linear(
     situation = Situation.of(ctx, arm_id, world_config, collision_margin)
     start = joints_of(start_joint_position, situation.cell.spec, "start_joint_position")
     first, target = pose_matrix(start_pose, "start_pose"), pose_matrix(target_pose, "target_pose")
-    end = directed_end(first, target, allowed_axes, endpoint_mode, orientation_mode, distance)
+    end = directed_end(first, target, allowed_axes, endpoint_mode, orientation_mode, finite(distance, "distance"))
     return _line(situation, start, first, end, 0)
 
 
