@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from typing import Any, Literal
 
 from pydantic import Field
@@ -83,17 +84,18 @@ class Plan:
 
 
 def edges(segments: Sequence[Segment]) -> dict[str, Any]:
-    """Entries and routes of the top level.
+    """Entries, plain edges and routes of the top level.
 
-    The first layer starts side by side and joins in what follows. A route leads to one node, so a later layer of
-    several segments runs them one after the other.
+    The segments of one layer run side by side, and each waits for every segment of the layer before. Where an exit
+    leads to one segment its route says so; where success leads to several, plain edges do.
     """
-    first = [s for s in segments if s.layer == segments[0].layer]
-    later = [s for s in segments if s.layer != segments[0].layer]
-    order = [*([first] if later or len(first) == 1 else [[s] for s in first]), *([s] for s in later)]
+    layers = [list(group) for _, group in groupby(segments, key=lambda s: s.layer)]
     routes: dict[str, Mapping[str, str]] = {}
-    for stage, following in zip(order, [*order[1:], None], strict=True):
-        target = following[0].name if following else DONE
-        for segment in stage:
-            routes[segment.name] = {**dict.fromkeys(segment.exits, target), segment.on_error: ABORT}
-    return {"entries": [s.name for s in order[0]], "routes": routes}
+    links: list[tuple[str, str]] = []
+    for layer, following in zip(layers, [*layers[1:], []], strict=True):
+        targets = [s.name for s in following] or [DONE]
+        for segment in layer:
+            success = dict.fromkeys(segment.exits, targets[0]) if len(targets) == 1 else {}
+            routes[segment.name] = {**success, segment.on_error: ABORT}
+            links += [(segment.name, target) for target in targets if not success]
+    return {"entries": [s.name for s in layers[0]], "links": links, "routes": routes}

@@ -22,17 +22,17 @@ def solve(goals: Sequence[Goal], repertoire: Repertoire) -> list[list[list[Step]
     Raises `InstructionError` when the skills cannot do it.
     """
     objects = list(dict.fromkeys(name for goal in goals for name in (goal.target, goal.container)))
-    mentioned = partial(_rank, objects)
     state, reached = State(INITIALLY), frozenset[Fact]()
     found: list[list[list[Step]]] = []
     for goal in goals:
         fact, _ = parse_fact(goal.fact)
         steps = regress(fact, state, repertoire, objects, keep=reached)
-        found.append([sorted((steps[i] for i in layer), key=mentioned) for layer in layers(steps)])
+        rank = partial(_rank, [goal.target, goal.container, *objects])
+        found.append([sorted((steps[i] for i in layer), key=rank) for layer in layers(steps)])
         state, reached = state.after(steps), reached | {fact}
     return found
 
 
 def _rank(objects: Sequence[str], step: Step) -> list[int]:
-    """Objects in the order the instruction names them."""
+    """The goal's own objects first, then others as the instruction names them."""
     return [objects.index(name) for _, name in step.binding]

@@ -27,7 +27,7 @@ def plan_symbolically(task: Task, instruction: str, library: SkillLibrary, tools
     solved = solve(goals, Repertoire.of(library, tools))
     steps = [step for layers in solved for layer in layers for step in layer]
     counts = [(goals, nth) for nth, layers in enumerate(solved) for layer in layers for _ in layer]
-    layer_of = range(len(steps))  # the validator wants one subgraph at a time at the top level
+    layer_of = [n for n, layer in enumerate(layer for layers in solved for layer in layers) for _ in layer]
     named = name_steps(steps, library.contracts)
     segments = [
         _segment(task, library, step, names, layer, _literals(task, library, step, *count))

@@ -19,7 +19,10 @@ from gap_cli.errors import (
     UnknownNameError,
     WorkflowError,
 )
+from gap_cli.graph.compile import compile_workflow
+from gap_cli.graph.dry import dry
 from gap_cli.graph.dump import dump_workflow
+from gap_cli.graph.execute import RunSetup, run_graph
 from gap_cli.plugins import load_registry
 from gap_cli.skills import load_bundle, load_library
 from gap_cli.skills.library import SkillLibrary
@@ -77,6 +80,45 @@ def test_two_goals_give_one_valid_graph(made):
     assert [s.skill for s in plan.content.segments].count("transport-to-drop") == 2
     produced = [o for d in generated.workflow.subgraphs.values() for o in d.outputs]
     assert len(produced) == len(set(produced))
+
+
+def started_together(workflow, scripts, folder):
+    """The nodes of each super-step of a dry run, from its events."""
+    for path, text in scripts.items():
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_text(text)
+    canonical = {path: folder / path for path in scripts}
+    graph = dry(compile_workflow(workflow, folder, REGISTRY.tools, LIBRARY.contracts, canonical))
+    seen, steps = [], [[]]
+    result = run_graph(graph, RunSetup(), [seen.append])
+    assert result.status == "success", result.error
+    for event in seen:
+        if event.kind == "node_started":
+            steps[-1].append(event.path)
+        elif event.kind == "node_finished" and steps[-1]:
+            steps.append([])
+    return steps
+
+
+def test_target_and_container_of_a_goal_are_perceived_in_one_super_step(made, tmp_path):
+    steps = started_together(made[1].workflow, made[1].scripts, tmp_path)
+    both = [["perceive_milk", "perceive_basket"], ["perceive_ketchup", "perceive_basket_2"]]
+    for pair in both:
+        for node in ("observe", "perceive", "filter_obb"):
+            assert sorted(f"{name}/{node}" for name in pair) in steps
+    entered = [s[0].partition("/")[0] for s in steps if s]
+    assert entered.index("place_milk") < entered.index("perceive_basket_2") < entered.index("grasp_ketchup")
+
+
+def test_either_perception_failing_is_a_failure_of_the_task(made):
+    workflow = made[1].workflow
+    looks = [n for n, d in workflow.subgraphs.items() if d.stage == "perceive"]
+    assert len(looks) == 4
+    for name in looks:
+        assert workflow.nodes[workflow.conditional_edges[name].mapping["not_found"]].status == "failure"
+    assert sum(source == "START" for source, _ in workflow.edges) == 2
+    assert [b for a, b in workflow.edges if a == "place_milk"] == ["perceive_ketchup", "perceive_basket_2"]
+    assert set(workflow.conditional_edges["place_milk"].mapping) == {"failed"}
 
 
 def test_objects_for_one_container_are_counted(task):
