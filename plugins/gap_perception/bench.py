@@ -5,24 +5,32 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
-
-import numpy as np
+from typing import Any, Protocol
 
 from gap_cli.contracts.failures import ToolError
 from gap_cli.contracts.privilege import node_scope
 from gap_cli.contracts.robot import RobotSpec
+from gap_cli.contracts.snapshot import WorldSnapshot
 from gap_cli.contracts.task import Task
 from gap_cli.contracts.tool import Tool
 from gap_cli.contracts.types import CameraObservation, Mask, OrientedBoundingBox
 from gap_cli.contracts.world import World
-from gap_perception.bench_noise import SENSORS, Sensor, degrade
-from gap_perception.bench_scenes import LEVELS, SCENE, Clutter, bench_task, sample_scene
+from gap_perception.bench_scenes import LEVELS, Clutter, bench_task, sample_scene
 from gap_perception.bench_truth import judge
 from gap_perception.frames import remember
 from gap_perception.scene.analyse import library_of
 
-Perceive = Callable[["Cell", list[CameraObservation], str], tuple[OrientedBoundingBox, Mask]]
+CLEAN = "clean"  # the sensor level of perfect cameras
+Found = tuple[OrientedBoundingBox, Mask]
+Perceive = Callable[["Cell", list[CameraObservation], str], Found]
+Masks = Mapping[str, Mapping[str, Mask]]
+
+
+class BenchWorld(World, Protocol):
+    """A simulator that knows which pixels show what."""
+
+    def true_masks(self) -> Masks:
+        """By camera and object. Privileged."""
 
 
 @dataclass
@@ -55,92 +63,78 @@ class Cell:
         return self.tools[name](self, **inputs)
 
 
+@dataclass(frozen=True)
+class Search:
+    """One object looked for in one scene: its `row` of the result, and what a picture of it needs."""
+
+    row: dict[str, Any]
+    frames: tuple[CameraObservation, ...]
+    visible: Masks
+    found: Found | None
+
+
+@dataclass
+class _Scene:
+    """One scene as the robot sees it and as it is."""
+
+    seed: int
+    clutter: str
+    present: tuple[str, ...]
+    frames: tuple[CameraObservation, ...]
+    truth: WorldSnapshot
+    visible: Masks
+
+
+def level_task(task: Task, level: str) -> Task:
+    """The bench's task, with the sensors of one noise level declared in it; `CLEAN` for perfect ones."""
+    sensors = task.sensors.model_copy(update={"use": {} if level == CLEAN else level})
+    return bench_task(task).model_copy(update={"sensors": sensors})
+
+
+def levels_of(task: Task) -> tuple[str, ...]:
+    """The noise levels a task can be measured at: none, then each model it declares."""
+    return (CLEAN, *task.sensors.models)
+
+
 def measure(
-    task: Task,
-    robots: Mapping[str, RobotSpec],
-    tools: Mapping[str, Tool],
-    perceive: Perceive,
-    seeds: Iterable[int],
-    make_world: Callable[[Task, str, Mapping[str, RobotSpec]], World],
-    levels: tuple[Clutter, ...] = LEVELS,
-    sensor: Sensor = SENSORS[0],
-) -> Iterator[dict[str, Any]]:
-    """One row per scene and object of the task, in it or not; levels of clutter take turns. Seeds name scenes.
+    cell: Cell, perceive: Perceive, seeds: Iterable[int], clutters: tuple[Clutter, ...] = LEVELS
+) -> Iterator[Search]:
+    """Look for every object of the task in every scene, in it or not. Levels of clutter take turns; seeds name scenes.
 
-    `perceive` is a skill's way from frames to a box and a mask; it runs as a policy node and raises `ToolError` when it
-    finds nothing. `sensor` degrades what it sees.
+    The cell's world is a `BenchWorld` of the bench's scene. `perceive` is a skill's way from frames to a box and a
+    mask; it runs as a policy node and raises `ToolError` when it finds nothing.
     """
-    everything = bench_task(task)
-    world = make_world(everything, SCENE, robots)
-    cell = Cell(world, everything, robots, tools)
     library_of(cell)  # once per process, so no frame's time
-    try:
-        for count, seed in enumerate(seeds):
-            clutter = levels[seed % len(levels)]
-            instance, present = sample_scene(everything, clutter, seed)
-            world.reset(instance)
-            rows = _scene_rows(cell, perceive, clutter, seed, present, sensor)
-            # The first scene of a process pays for loading libraries, which is no frame's time.
-            yield from rows if count else ({**row, "ms": None} for row in rows)
-    finally:
-        world.close()
+    for seed in seeds:
+        yield from _searches(cell, perceive, _arrange(cell, clutters[seed % len(clutters)], seed))
 
 
-def _scene_rows(
-    cell: Cell, perceive: Perceive, clutter: Clutter, seed: int, present: tuple[str, ...], sensor: Sensor
-) -> Iterator[dict[str, Any]]:
-    truth, clean = cell.world.snapshot(), cell.world.observe()
-    seen = degrade(clean, sensor, seed)
-    names = list(cell.task.objects)
-    turn = seed % len(names)
+def _arrange(cell: Cell, clutter: Clutter, seed: int) -> _Scene:
+    world: Any = cell.world
+    instance, present = sample_scene(cell.task, clutter, seed)
+    world.reset(instance)
+    observation = world.observe()
     cell.state.clear()
-    remember(cell.state, seen)
-    # The first search of a scene pays for looking at the frames and is the one that is timed; they take turns.
+    remember(cell.state, observation)
+    return _Scene(seed, clutter.name, present, observation.cameras, world.snapshot(), world.true_masks())
+
+
+def _searches(cell: Cell, perceive: Perceive, scene: _Scene) -> Iterator[Search]:
+    """The first search of a scene pays for looking at the frames and is the one that is timed; objects take turns."""
+    names = list(cell.task.objects)
+    turn = scene.seed % len(names)
     for name in names[turn:] + names[:turn]:
         with node_scope("bench/perceive"):
             started = time.process_time()
             try:
-                found = perceive(cell, list(seen.cameras), cell.task.objects[name].label)
+                found = perceive(cell, list(scene.frames), cell.task.objects[name].label)
             except ToolError:
                 found = None
             spent = time.process_time() - started
-        row: dict[str, Any] = {"seed": seed, "clutter": clutter.name, "sensor": sensor.name, "object": name}
-        row |= {"present": name in present, "ms": 1e3 * spent if name == names[turn] else None}
-        yield row | judge(cell, truth, name, found, present, clean.cameras)
-
-
-def summarise(rows: Iterable[Mapping[str, Any]]) -> dict[str, float]:
-    """Precision, recall, wrong-object rate, mask IoU, centre and yaw errors, and time, over all rows."""
-    rows = list(rows)
-    if not rows:
-        return {}
-    there = [r for r in rows if r["present"] and r["pixels"] >= MIN_VISIBLE]
-    found = [r for r in rows if r["found"]]
-    right = [r for r in found if not r["wrong"]]
-    yaw = [r["yaw_deg"] for r in right if r["yaw_deg"] is not None]
-    ms = [r["ms"] for r in rows if r["ms"] is not None]
-    centre = [r["center_mm"] for r in right] or [float("nan")]
-    return {
-        "searches": len(rows),
-        "precision": len(right) / max(len(found), 1),
-        "recall": len([r for r in there if r["found"] and not r["wrong"]]) / max(len(there), 1),
-        "wrong_rate": len([r for r in rows if r["wrong"]]) / max(len(rows), 1),
-        "iou_median": float(np.median([r["iou"] for r in right] or [np.nan])),
-        "center_mm_median": float(np.median(centre)),
-        "center_mm_p95": float(np.quantile(centre, 0.95)),
-        "yaw_deg_median": float(np.median(yaw or [np.nan])),
-        "yaw_deg_p95": float(np.quantile(yaw or [np.nan], 0.95)),
-        "ms_median": float(np.median(ms or [np.nan])),
-        "ms_p95": float(np.quantile(ms or [np.nan], 0.95)),
-    }
-
-
-MIN_VISIBLE = 100  # pixels over all cameras from which an object counts as visible
-
-
-def by(rows: Iterable[Mapping[str, Any]], key: str) -> dict[str, dict[str, float]]:
-    """`summarise` per value of `key` (`object`, `clutter`, `sensor`), in order of appearance."""
-    groups: dict[str, list[Mapping[str, Any]]] = {}
-    for row in rows:
-        groups.setdefault(str(row[key]), []).append(row)
-    return {value: summarise(group) for value, group in groups.items()}
+        visible = {camera: masks for camera, masks in scene.visible.items() if name in scene.present}
+        row = {
+            "seed": scene.seed, "clutter": scene.clutter, "object": name, "present": name in scene.present,
+            "ms": 1e3 * spent if name == names[turn] else None,
+        }  # fmt: skip
+        row |= judge(name, found, scene.truth, scene.present, [m[name].data for m in visible.values()])
+        yield Search(row, scene.frames, scene.visible, found)

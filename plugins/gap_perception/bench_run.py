@@ -1,108 +1,110 @@
-"""`gap bench perception`: the skill's own way from frames to a box, on held-out random scenes, as one table."""
+"""`gap bench perception`: the skill's own way from frames to a box, on held-out random scenes, in worker processes."""
 
 from __future__ import annotations
 
 import importlib.util
-import math
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from gap_cli.contracts.bench import BenchReport, Progress
+from gap_cli.contracts.bench import BenchReport, Picture, Progress
 from gap_cli.contracts.task import Task, load_task
 from gap_cli.contracts.tool import Tool
 from gap_cli.contracts.types import CameraObservation, Mask, OrientedBoundingBox
-from gap_perception.bench import Cell, Perceive, by, measure
-from gap_perception.bench_noise import SENSORS, Sensor
+from gap_perception.bench import CLEAN, Cell, Perceive, level_task, levels_of, measure
+from gap_perception.bench_pictures import Case, sheet, worst
+from gap_perception.bench_report import report
 
 HELD_OUT = 10_000  # seeds from here on are never used to improve anything
-SCENES = {"clean": 500}
-FEWER_SCENES = 150  # with any other sensor
-CHUNK = 25  # scenes per job
+SCENES = {CLEAN: 500}
+FEWER_SCENES = 150  # at any other level
+CHUNK = 10  # scenes per job
 WORKERS = 2
-TASK = "fulfill-grocery"  # whose cell and groceries are used
+TASK = "fulfill-grocery"  # whose cell, groceries and sensors are used
 SKILL = "perception-single"
-COLUMNS = (
-    "sensor", "scenes", "searches", "precision", "recall", "wrong object", "mask IoU", "centre median [mm]",
-    "centre p95 [mm]", "yaw median [deg]", "yaw p95 [deg]", "median [ms]", "p95 [ms]",
-)  # fmt: skip
+PICTURED = (CLEAN, "realistic")
 Row = dict[str, Any]
 
 
+class Job(NamedTuple):
+    """Scenes of one noise level for one worker to measure."""
+
+    level: str
+    first: int
+    scenes: int
+
+
 def run(progress: Progress) -> BenchReport:
-    """Every sensor over its scenes, in worker processes."""
+    """Every noise level over its scenes."""
+    levels = levels_of(_task())
+    return measure_levels({level: SCENES.get(level, FEWER_SCENES) for level in levels}, HELD_OUT, progress)
+
+
+def measure_levels(scenes: Mapping[str, int], first: int, progress: Progress, workers: int = WORKERS) -> BenchReport:
+    """So many scenes of each level, from seed `first` on."""
     jobs = [
-        (sensor, HELD_OUT + start, min(CHUNK, scenes - start))
-        for sensor in SENSORS
-        for scenes in (SCENES.get(sensor.name, FEWER_SCENES),)
-        for start in range(0, scenes, CHUNK)
+        Job(level, first + start, min(CHUNK, count - start))
+        for level, count in scenes.items()
+        for start in range(0, count, CHUNK)
     ]
     rows: list[Row] = []
-    with ProcessPoolExecutor(WORKERS, mp_context=get_context("spawn")) as pool:
-        for done, (job, found) in enumerate(zip(jobs, pool.map(scene_rows, jobs), strict=True)):
-            progress((done + 1) / len(jobs), f"{job[0].name} sensor")
-            rows += found
-    return report(rows)
+    cases: dict[str, list[Case]] = {level: [] for level in PICTURED if level in scenes}
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_one_core) as pool:
+        for done, (job, (found, bad)) in enumerate(zip(jobs, pool.map(measure_job, jobs), strict=True)):
+            progress((done + 1) / len(jobs), f"{job.level} sensor")
+            rows += [{"sensor": job.level, **row} for row in found]
+            cases.get(job.level, []).extend(bad)
+    models = {name: model for name, model in _task().sensors.models.items() if name in scenes}
+    return report(rows, models, _pictures(rows, cases), first)
 
 
-def report(rows: list[Row]) -> BenchReport:
-    """One table: each sensor, then the clean sensor by clutter and by object."""
-    table = [_line(name, summary, rows, "sensor", name) for name, summary in by(rows, "sensor").items()]
-    clean = [r for r in rows if r["sensor"] == SENSORS[0].name]
-    for key in ("clutter", "object"):
-        for value, summary in by(clean, key).items():
-            table.append(_line(f"{SENSORS[0].name}, {value.replace('_', ' ')}", summary, clean, key, value))
-    notes = [
-        "Every object of the task is searched for in every scene, in it or not. Wrong: a box of another or of none.",
-        "Recall counts objects with 100 pixels or more in view; errors are of right boxes, by the simulator's truth.",
-        "Sparse: 4 objects, 30 mm apart or more; usual: 7, 10 mm; dense: 10, 2 mm; standing, any yaw; and a basket.",
-        f"Seeds from {HELD_OUT} on, used for nothing else. Time: processor time of the first search in a scene, two",
-        "cameras to box, rendering left out; later searches in the same frames take a tenth of it.",
-        *(_sensor_note(s) for s in SENSORS[1:]),
-    ]
-    return BenchReport("Perception on random cluttered scenes", COLUMNS, tuple(table), tuple(notes), PACKAGES)
+def _pictures(rows: Sequence[Row], cases: Mapping[str, Sequence[Case]]) -> tuple[Picture, ...]:
+    if not cases:
+        return ()
+    searches = {level: sum(row["sensor"] == level for row in rows) for level in cases}
+    return (Picture("The worst cases", ".jpg", sheet(cases, searches)),)
 
 
-PACKAGES = ("mujoco", "numpy", "scipy", "opencv-python-headless", "scikit-learn")
+def measure_job(job: Job) -> tuple[list[Row], list[Case]]:
+    """The job's rows, and its worst cases. Runs in a worker."""
+    cell, perceive, fresh = _cell(job.level), skill_way(), not _warm
+    rows, cases = worst(measure(cell, perceive, range(job.first, job.first + job.scenes)))
+    if fresh:
+        # The first scene of a process pays for loading libraries, which is no frame's time.
+        _warm.append(True)
+        rows = [row | {"ms": None} if row["seed"] == job.first else row for row in rows]
+    return rows, cases
 
 
-def _line(title: str, summary: Mapping[str, float], rows: list[Row], key: str, value: str) -> tuple[Any, ...]:
-    mine = [r for r in rows if r[key] == value]
-    numbers = [_rounded(name, number) for name, number in summary.items() if name != "searches"]
-    return (title, len({r["seed"] for r in mine}), len(mine), *numbers)
+_warm: list[bool] = []
+_made: dict[str, Any] = {}  # what providers derive from the models, the same at every level
 
 
-def _rounded(name: str, number: float) -> float | str:
-    if not math.isfinite(number):
-        return ""
-    return round(number, 1 if name.endswith(("median", "p95")) and name != "iou_median" else 4)
-
-
-def _sensor_note(sensor: Sensor) -> str:
-    return (
-        f"Sensor {sensor.name}: depth noise {1e3 * sensor.depth:g} mm at 1 m growing with its square, "
-        f"{100 * sensor.dropout:g} % dropout, half of the {sensor.edge} px around depth edges lost, colour noise "
-        f"{sensor.colour:g} levels, light ±{100 * sensor.light:g} %, calibration off by {1e3 * sensor.shift:g} mm and "
-        f"{sensor.turn:g}° per camera."
-    )
-
-
-def scene_rows(job: tuple[Sensor, int, int]) -> list[Row]:
-    """The rows of one job: a sensor, the first seed, and how many scenes."""
-    return list(_rows(*job))
-
-
-def _rows(sensor: Sensor, first: int, count: int) -> Iterator[Row]:
+@cache
+def _cell(level: str) -> Cell:
+    """This process's cell of a noise level; processes end without closing it."""
     from gap_mujoco.world import MujocoWorld
+    from gap_perception.bench_scenes import SCENE
     from gap_robots.panda import panda
 
-    seeds = range(first, first + count)
-    yield from measure(_task(), {"panda": panda()}, _tools(), skill_way(), seeds, MujocoWorld, sensor=sensor)
+    task, robots = level_task(_task(), level), {"panda": panda()}
+    return Cell(MujocoWorld(task, SCENE, robots), task, robots, _tools(), made=_made)
 
 
+def _one_core() -> None:
+    """Times are of one core; the other one has a worker of its own."""
+    import cv2
+    from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+    cv2.setNumThreads(1)
+    threadpool_limits(1)
+
+
+@cache
 def skill_way() -> Perceive:
     """How the skill perceives: its canonical script, then the noise filter and the box."""
     import morsl

@@ -8,55 +8,34 @@ from typing import Any
 import numpy as np
 
 from gap_cli.contracts.snapshot import BodyState, WorldSnapshot
-from gap_cli.contracts.tool import ToolContext
-from gap_cli.contracts.types import Array, CameraObservation, Mask, OrientedBoundingBox
+from gap_cli.contracts.types import Array, Mask, OrientedBoundingBox
 
 ROUND = 0.1  # relative difference of horizontal sides below which yaw means nothing
 FOUND = 0.03  # m: a box centred farther off than this is not of that object
 
 
 def judge(
-    cell: ToolContext,
-    truth: WorldSnapshot,
     name: str,
     found: tuple[OrientedBoundingBox, Mask] | None,
-    present: tuple[str, ...],
-    cameras: Sequence[CameraObservation],
+    truth: WorldSnapshot,
+    present: Sequence[str],
+    visible: Sequence[Array],
 ) -> dict[str, Any]:
-    """Whether the box is of the right object, and how far mask, centre [mm] and yaw [deg] are off."""
-    visible = [true_mask(cell, truth, name, camera, present) for camera in cameras] if name in present else []
+    """Whether the box is of the right object, and how far mask, centre [mm] and yaw [deg] are off.
+
+    `visible` are the pixels (H, W) that truly show the object, camera by camera; none when it is not `present`.
+    """
     row: dict[str, Any] = {"found": found is not None, "pixels": int(sum(v.sum() for v in visible)), "wrong": False}
     if found is None:
         return row
     box, mask = found
     nearest = min(present, key=lambda n: _apart(truth.bodies[n], box))
     if name not in present or nearest != name or _apart(truth.bodies[name], box) > FOUND:
-        return row | {"wrong": True}
+        return row | {"wrong": True, "instead": nearest if _apart(truth.bodies[nearest], box) <= FOUND else "nothing"}
     body = truth.bodies[name]
     overlap = max(_iou(mask.data, v) for v in visible if v.shape == mask.data.shape)
     error = box.center.array - body.box.center.array
     return row | {"iou": overlap, "center_mm": 1e3 * float(np.linalg.norm(error)), "yaw_deg": yaw_error(body.box, box)}
-
-
-def true_mask(
-    cell: ToolContext, truth: WorldSnapshot, name: str, camera: CameraObservation, present: tuple[str, ...]
-) -> Array:
-    """Pixels (H, W) whose measured point lies on the object's model where it truly is, and nearer than to any other."""
-    from gap_perception.scene.analyse import library_of
-    from gap_perception.scene.fit import Fit
-    from gap_perception.scene.points import lift
-
-    library, points = library_of(cell), lift(camera, cell.task.environment)
-    distance = {}
-    for other in present:
-        pose = truth.bodies[other].pose
-        fit = Fit(library[other], 0, pose.rotation.rotation.as_matrix(), pose.position.array, np.zeros(0))
-        distance[other] = fit.surface_distance(points.xyz)
-    nearest = np.min(list(distance.values()), axis=0)
-    on = (distance[name] < 0.004) & (distance[name] <= nearest)
-    mask = np.zeros(camera.depth.data.shape, dtype=bool)
-    mask[points.rows[on], points.columns[on]] = True
-    return mask
 
 
 def yaw_error(true: OrientedBoundingBox, box: OrientedBoundingBox) -> float | None:

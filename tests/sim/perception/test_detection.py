@@ -7,7 +7,6 @@ from gap_cli.contracts.privilege import node_scope
 from gap_cli.contracts.types import BoundingBox2D, Image, Quaternion, Se3Pose, Vec3
 from gap_cli.contracts.world import Instance
 from gap_perception.bench_scenes import SCENE
-from gap_perception.bench_truth import true_mask
 
 pytestmark = pytest.mark.sim
 
@@ -27,10 +26,16 @@ def test_every_object_in_view_is_found_once_and_no_other(cell, cameras, present)
         assert all(d.score > 0.8 and d.label == label(cell, name) for d in found)
 
 
-def test_detection_and_segmentation_cover_the_object(cell, cameras, present, truth):
+@pytest.fixture(scope="module")
+def shown(cell, present):
+    """Which pixels truly show what, by camera and object."""
+    return cell.world.true_masks()
+
+
+def test_detection_and_segmentation_cover_the_object(cell, shown, cameras, present):
     for camera in cameras:
         for name in present:
-            true = true_mask(cell, truth, name, camera, present)
+            true = shown[camera.name][name].data
             found = cell.tool("grounding_dino.Detect", image=camera.rgb, text_prompt=label(cell, name)).detections
             if true.sum() < 200:
                 continue
