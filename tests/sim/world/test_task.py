@@ -38,6 +38,17 @@ def test_every_grocery_fits_the_jaws_and_the_basket(task, robots):
     assert task.objects["basket"].accepts == ["grocery"]
 
 
-@pytest.mark.parametrize("variant", ["object", "xy20"])
-def test_every_variant_loads(task, variant):
-    assert load_task(task.path, variant).variant == variant
+def test_every_variant_loads_and_uses_the_noise_it_is_named_after(task):
+    assert {"object", "xy20", "xy20-realistic"} <= set(task.variants)
+    for variant in task.variants:
+        loaded = load_task(task.path, variant)
+        level = variant.rpartition("-")[2]
+        assert loaded.variant == variant and loaded.sensors.use == (level if level in task.sensors.models else {})
+
+
+def test_noise_grows_from_level_to_level_in_every_way(task):
+    mild, realistic, harsh = task.sensors.models.values()
+    for a, b in ((mild, realistic), (realistic, harsh)):
+        assert a.colour < b.colour and a.light < b.light and a.shift < b.shift and a.turn < b.turn
+        assert a.depth.deviation(1) < b.depth.deviation(1)
+        assert a.depth.dropout < b.depth.dropout and a.depth.jitter < b.depth.jitter
