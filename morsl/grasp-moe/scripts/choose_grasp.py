@@ -23,6 +23,8 @@ from gap_cli.contracts.types import (
 
 HALF_TURN = Quaternion(0.0, 0.0, 0.0, 1.0).rotation  # about the approach: the jaws exchanged
 LEAN_STEP = 5.0  # degrees of leaning that count as equal
+MIDDLE = 0.75  # share of a pad that holds: what only its edge meets slips out
+SEEN = 12  # points of the target between the jaws from which a grasp holds what was seen
 STEEP = 0.3  # least share of the approach that must point down for it to be prolonged upwards
 
 
@@ -40,6 +42,7 @@ def run(
     surroundings: Annotated[PointCloud, WORLD],
     arm: ArmState,
     target_obb: Annotated[OrientedBoundingBox, WORLD],
+    target_cloud: Annotated[PointCloud, WORLD],
     sampled: list[Annotated[Se3Pose, WORLD]],
     sampled_scores: list[float],
     swept: list[Annotated[Se3Pose, WORLD]],
@@ -59,7 +62,8 @@ def run(
             f"Neither expert found a grasp worth {min_score:g}: {len(sampled)} sampled, {len(swept)} swept.",
             detail={"best": max([*sampled_scores, *swept_scores], default=0.0)},
         )
-    pool = ordered(pool, near_best)
+    holding = [item for item in pool if between_jaws(ctx.robot(), item[0], target_cloud.points) >= SEEN]
+    pool = ordered(holding or pool, near_best)
     pairs = [turned for pose, _ in pool for turned in (pose, exchanged(pose))]
     found = ctx.tool(
         "curobo.BatchGraspFeasibility",
@@ -91,6 +95,16 @@ def best(poses: list[Se3Pose], scores: list[float], top_k: int, least: float) ->
     """The `top_k` best scored, none below `least`; earlier ones first among equals."""
     order = sorted(range(len(poses)), key=lambda i: -scores[i])[:top_k]
     return [(poses[i], scores[i]) for i in order if scores[i] >= least and scores[i] > 0]
+
+
+def between_jaws(spec: RobotSpec, pose: Se3Pose, points: np.ndarray) -> int:
+    """How many points lie between the middles of the open pads.
+
+    Experts guess the sides no camera saw down to the support, but below a handle in the air there is nothing to hold.
+    """
+    _, wide, tip = spec.gripper.finger_size
+    local = (points - pose.position.array) @ pose.rotation.rotation.as_matrix()
+    return int((np.abs(local) <= [MIDDLE * wide, spec.gripper.max_width / 2, MIDDLE * tip]).all(axis=1).sum())
 
 
 def ordered(pool: list[tuple[Se3Pose, float]], near_best: float) -> list[tuple[Se3Pose, float]]:
