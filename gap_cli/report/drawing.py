@@ -9,6 +9,7 @@ from typing import Any
 
 from gap_cli.graph.model import START, Node, Workflow
 from gap_cli.graph.render.layout import Drawing, Placed, Point, lay_out
+from gap_cli.graph.render.links import top_links
 
 CHAR, LINE = 7.4, 17.0  # px: of the monospace text inside a box
 PAD, ASIDE = 12.0, 90.0
@@ -50,7 +51,7 @@ def graph_svg(workflow: Workflow, subgraphs: Mapping[str, Mapping[str, Any]]) ->
     )
     boxes = dict(main.boxes) | _beside(main, {name: contents[name].size for name in aside})
     paths = [_edge(points, links[link]) for link, points in sorted(main.routes.items())]
-    paths += [_failure(boxes[a], boxes[b], label) for (a, b), label in links.items() if b in aside]
+    paths += [_failure(boxes[a], boxes[b], main, label) for (a, b), label in links.items() if b in aside]
     width = max(b.x + b.width for b in boxes.values()) + 2 * PAD
     height = max(b.y + b.height for b in boxes.values()) + 2 * PAD
     return (
@@ -63,14 +64,8 @@ def graph_svg(workflow: Workflow, subgraphs: Mapping[str, Mapping[str, Any]]) ->
 
 def edges(workflow: Workflow) -> dict[tuple[str, str], str]:
     """Every top-level link with the exits that take it."""
-    found: dict[tuple[str, str], list[str]] = {}
-    for a, b in workflow.edges:
-        found.setdefault((a, b), [])
-    for a, routing in workflow.conditional_edges.items():
-        for value, b in routing.mapping.items():
-            found.setdefault((a, b), []).append(value)
     known = {START, *workflow.nodes}
-    return {link: ", ".join(labels) for link, labels in found.items() if set(link) <= known}
+    return {link: ", ".join(exits) for link, exits in top_links(workflow).items() if set(link) <= known}
 
 
 def _content(name: str, node: Node, workflow: Workflow, stats: Mapping[str, Any] | None) -> Content:
@@ -127,12 +122,19 @@ def _edge(points: Sequence[Point], label: str) -> str:
     return _path("edge", path, x1 + 0.42 * (x2 - x1), y1 + 0.42 * (y2 - y1) + 4, label)
 
 
-def _failure(a: Placed, b: Placed, label: str) -> str:
-    """To the right, then down."""
+def _failure(a: Placed, b: Placed, main: Drawing, label: str) -> str:
+    """To the right, then down; below the boxes beside it, where there are any in the way."""
     x1, y1, (x2, y2) = a.x + a.width, a.y + a.height / 2, b.top
+    start, clear = f"M{x1:.1f} {y1:.1f}", x1
+    beside = [o for o in main.boxes.values() if x1 < o.x < b.x and o.y < y1 < o.y + o.height]
+    if beside:
+        foot = a.y + a.height
+        x1, y1 = x1 - PAD, max([foot, *(o.y + o.height for o in beside)]) + PAD
+        start = f"M{x1:.1f} {foot:.1f} V{y1 - 6:.1f} Q{x1:.1f} {y1:.1f} {x1 + 6:.1f} {y1:.1f}"
+        clear = max(o.x + o.width for o in beside)
     bend = min(24.0, max(y2 - y1, 0.0))
-    path = f"M{x1:.1f} {y1:.1f} H{x2 - bend:.1f} Q{x2:.1f} {y1:.1f} {x2:.1f} {y1 + bend:.1f} V{y2:.1f}"
-    return _path("edge fails", path, x1 + 10 + CHAR * len(label) / 2, y1 - 6, label)
+    path = f"{start} H{x2 - bend:.1f} Q{x2:.1f} {y1:.1f} {x2:.1f} {y1 + bend:.1f} V{y2:.1f}"
+    return _path("edge fails", path, clear + 10 + CHAR * len(label) / 2, y1 - 6, label)
 
 
 def _path(css: str, path: str, x: float, y: float, label: str) -> str:

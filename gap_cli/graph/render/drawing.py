@@ -8,6 +8,7 @@ from html import escape
 
 from gap_cli.graph.model import END, START, Node, Routing, SubgraphDef, Workflow
 from gap_cli.graph.render.layout import Drawing, Link, Placed, Point, lay_out
+from gap_cli.graph.render.links import top_links
 from gap_cli.graph.render.tree import what
 
 CHAR, SMALL = 7.3, 6.1  # px per character of a name and of what stands below it
@@ -36,8 +37,9 @@ def drawing(workflow: Workflow) -> str:
         if node.ref in workflow.subgraphs
     }
     sizes = {START: DOT} | {name: _top_size(name, node, parts) for name, node in workflow.nodes.items()}
-    links, labels = _links(workflow.edges, workflow.conditional_edges)
-    placed = lay_out(sizes, links)
+    exits = top_links(workflow)
+    placed = lay_out(sizes, list(exits))
+    labels = {link: ", ".join(values) for link, values in exits.items() if values}
     boxes = [_top(name, node, placed.boxes[name], parts, workflow) for name, node in workflow.nodes.items()]
     start = _dot(placed.boxes[START])
     width, height = placed.width + 2 * PAD, placed.height + 2 * PAD

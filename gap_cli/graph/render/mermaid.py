@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from gap_cli.graph.model import END, START, Node, SubgraphDef, Workflow
+from gap_cli.graph.render.links import top_links
 
 SHAPES = {"noop": ('(["', '"])'), "router": ('{"', '"}'), "end": ('(("', '"))')}
 STYLES = (
@@ -25,10 +26,9 @@ def mermaid(workflow: Workflow) -> str:
             lines += _subgraph(name, definition)
         else:
             lines.append(f"  {_id(name)}{_box(name, node)}:::{node.status or 'failure'}")
-    for a, b in workflow.edges:
-        lines.append(f"  {_id(a)} --> {_id(b)}" if a != START else f"  START((start)) --> {_id(b)}")
-    for a, routing in sorted(workflow.conditional_edges.items()):
-        lines += [f"  {_id(a)} -->|{_text(value)}| {_id(b)}" for value, b in routing.mapping.items()]
+    for (a, b), exits in sorted(top_links(workflow).items()):
+        source = "START((start))" if a == START else _id(a)
+        lines += [f"  {source} -->|{_text(value)}| {_id(b)}" for value in exits] or [f"  {source} --> {_id(b)}"]
     return "\n".join([*lines, *(f"  {style}" for style in STYLES)]) + "\n"
 
 

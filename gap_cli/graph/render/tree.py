@@ -8,6 +8,7 @@ from rich.markup import escape
 from rich.tree import Tree
 
 from gap_cli.graph.model import END, START, Node, SubgraphDef, Workflow
+from gap_cli.graph.render.links import side_by_side, top_links
 from gap_cli.graph.render.story import Story, Visit
 
 MARKS = {"finished": "[green]✓[/]", "failed": "[red]✗[/]", "cancelled": "[yellow]–[/]", "running": "[blue]…[/]"}
@@ -17,6 +18,7 @@ def tree(workflow: Workflow, story: Story | None = None) -> Tree:
     """Subgraphs in the order control reaches them, their nodes below, exits and where they lead at the end."""
     root = Tree(f"[bold]{escape(workflow.meta.get('name', 'workflow'))}[/]")
     visits = {} if story is None else story.latest
+    beside, exits_of = side_by_side(workflow), _exits(workflow)
     for name in reading_order(list(workflow.nodes), _links(workflow.edges, workflow.conditional_edges)):
         node = workflow.nodes[name]
         definition = workflow.subgraphs.get(node.ref or "")
@@ -27,12 +29,21 @@ def tree(workflow: Workflow, story: Story | None = None) -> Tree:
             continue
         exits = story.exits.get(name, []) if story else []
         took = f" [bold]-> {escape(', '.join(exits))}[/]" if exits else ""
-        branch = root.add(f"[bold cyan]{escape(name)}[/] [dim]{escape(definition.skill)}[/]{took}")
+        others = f", beside {escape(', '.join(beside[name]))}" if name in beside else ""
+        branch = root.add(f"[bold cyan]{escape(name)}[/] [dim]{escape(definition.skill)}{others}[/]{took}")
         _nodes(branch, name, definition, visits)
-        routing = workflow.conditional_edges.get(name)
-        for value, target in routing.mapping.items() if routing else ():
-            branch.add(f"[dim]{escape(value)} -> {escape(target)}[/]")
+        for value, targets in exits_of.get(name, {}).items():
+            branch.add(f"[dim]{escape(value)} -> {escape(' and '.join(targets))}[/]")
     return root
+
+
+def _exits(workflow: Workflow) -> dict[str, dict[str, list[str]]]:
+    """For each top-level node its exits, and all that each leads to."""
+    found: dict[str, dict[str, list[str]]] = {}
+    for (source, target), values in top_links(workflow).items():
+        for value in values:
+            found.setdefault(source, {}).setdefault(value, []).append(target)
+    return found
 
 
 def reading_order(names: list[str], links: Mapping[str, list[str]]) -> list[str]:

@@ -5,9 +5,14 @@ from __future__ import annotations
 import itertools
 
 import pytest
+from rich.console import Console
 
 from gap_cli.graph.dump import dump_workflow
 from gap_cli.graph.load import parse_workflow
+from gap_cli.graph.render.drawing import drawing
+from gap_cli.graph.render.links import side_by_side, top_links
+from gap_cli.graph.render.mermaid import mermaid
+from gap_cli.graph.render.tree import tree
 from gap_cli.graph.validate import validate
 from gap_cli.testing import FakeWorld, make_catalog, run_fake
 
@@ -168,6 +173,19 @@ def test_a_subgraph_loop_by_plain_edges_needs_a_budget():
     for node in w["nodes"].values():
         node.pop("max_visits", None)
     assert "W14" in codes(parse_workflow(w, "loop"))
+
+
+def test_a_drawing_says_what_runs_beside_what_and_where_a_success_leads():
+    parts = {"a": [NOTHING], "b": [LOOK], "c": [LOOK], "z": [MOVE]}
+    w = graph(parts, [["START", "a"], ["a", "b"], ["a", "c"], ["b", "z"], ["c", "z"], ["z", "end"]], {})
+    assert side_by_side(w) == {"b": ["c"], "c": ["b"]}
+    assert top_links(w)["a", "b"] == top_links(w)["a", "c"] == ["done"]
+    console = Console(width=200)
+    with console.capture() as capture:
+        console.print(tree(w))
+    assert "done -> b and c" in capture.get() and "fake, beside c" in capture.get()
+    assert "n_a -->|done| n_b" in mermaid(w) and "START((start)) --> n_a" in mermaid(w)
+    assert drawing(w).count(">done</text>") >= 4
 
 
 def test_in_lockstep_a_failing_run_is_told_the_same_way_every_time():

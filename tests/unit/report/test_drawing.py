@@ -2,6 +2,8 @@ from xml.etree import ElementTree
 
 import pytest
 
+from gap_cli.graph.dump import dump_workflow
+from gap_cli.graph.model import Workflow
 from gap_cli.report.drawing import edges, graph_svg
 from gap_cli.testing import fake_workflow
 
@@ -34,6 +36,19 @@ def test_boxes_stay_inside_and_apart(workflow):
         assert x >= 0 and y >= 0 and x + w <= width and y + h <= height
         for x2, y2, w2, h2 in boxes[i + 1 :]:
             assert x + w <= x2 or x2 + w2 <= x or y + h <= y2 or y2 + h2 <= y
+
+
+def test_a_failure_of_one_beside_another_is_led_below_it(workflow):
+    data = dump_workflow(workflow)
+    data["nodes"]["other"] = data["nodes"]["main"]
+    data["edges"].append(["START", "other"])
+    data["conditional_edges"]["other"] = data["conditional_edges"]["main"]
+    root = parse(graph_svg(Workflow.load(data, "fork"), {}))
+    tops = {g.find("text").text: g.find("rect").attrib for g in root.iter("g")}
+    feet = [float(tops[n]["y"]) + float(tops[n]["height"]) for n in ("main", "other")]
+    starts = [float(p.attrib["d"].split()[1]) for p in root.iter("path") if p.attrib.get("class") == "edge fails"]
+    assert len(starts) == 2 and sum(y in feet for y in starts) == 1
+    assert edges(Workflow.load(data, "fork"))["other", "success"] == "done"
 
 
 def test_a_subgraph_wears_its_rate(workflow):
