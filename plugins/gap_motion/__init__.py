@@ -18,9 +18,11 @@ def gap_register_tools(register: Register) -> None:
         tools_plan,
         tools_pyroki,
         tools_torch,
+        vamp_arm,
+        vamp_tools,
     )
 
-    modules = (
+    modules = [
         tools_control,
         tools_arms,
         tools_gripper,
@@ -29,7 +31,9 @@ def gap_register_tools(register: Register) -> None:
         tools_plan,
         tools_lines,
         tools_check,
-    )
+    ]
+    if vamp_arm.installed():
+        modules.append(vamp_tools)
     for module in modules:
         for tool in module.TOOLS:
             register(tool)

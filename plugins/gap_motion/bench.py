@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
@@ -10,17 +9,20 @@ from typing import Any
 import numpy as np
 
 from gap_cli.contracts.bench import BenchReport, Progress
-from gap_cli.contracts.failures import PlanningError
+from gap_cli.contracts.failures import PlanningError, ToolError
 from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.types import Trajectory
 from gap_motion import measure
 from gap_motion.free_motion import Reached, to_grasps, to_joints
-from gap_motion.problems import free_space, groceries
+from gap_motion.kinematics import chain
+from gap_motion.problems import GraspProblem, Problem, free_space, groceries
+from gap_motion.vamp_arm import DISTRIBUTION, installed, vamp_arm
+from gap_motion.vamp_search import VampSearch
 from gap_motion.verify import Judge, Judgement, Tracked
 
 PROBLEMS, JUDGED, EXECUTED = 100, 1000, 200
 COLUMNS = ("robot", "what", "n", "median", "p95", "result")
-PACKAGES = ("mujoco", "ompl", "numpy", "scipy", "pytorch_kinematics")
+PACKAGES = ("mujoco", "ompl", "numpy", "scipy", "pytorch_kinematics", DISTRIBUTION)
 Row = tuple[Any, ...]
 
 
@@ -38,9 +40,8 @@ def motion(progress: Progress, problems: int = PROBLEMS, judged: int = JUDGED, e
         rows += planning(spec, problems, part)
         rows += kinematics(spec, problems, part)
         rows += verdicts(spec, judged, executed, part)
-    return BenchReport(
-        "Motion", COLUMNS, tuple(rows), NOTES, ("mujoco", "ompl", "numpy", "scipy", "pytorch_kinematics")
-    )
+    vamp = "" if installed() else f" It is not installed here, and its rows are missing: pip install {DISTRIBUTION}."
+    return BenchReport("Motion", COLUMNS, tuple(rows), (*NOTES, VAMP_NOTE + vamp), PACKAGES)
 
 
 NOTES = (
@@ -51,7 +52,10 @@ NOTES = (
     "plain MuJoCo: the same OMPL planner and shortcuts, asking MuJoCo about one configuration at a time.",
     "judged: MuJoCo's collision detection every 4 ms and finite differences, sharing no code with the planner; shares "
     "are the largest part of each limit that any motion uses.",
-    "vamp: " + ("installed, not wired in" if importlib.util.find_spec("vamp") else "not installed"),
+)
+VAMP_NOTE = (
+    "VAMP: the same problems, searched and simplified in VAMP's own model of the arm; its times hold the scene's way "
+    "into that model and the check of the path in ours, its solved share is that of motions that passed our check."
 )
 
 
@@ -70,9 +74,28 @@ def planning(spec: RobotSpec, count: int, progress: Progress) -> list[Row]:
     found = measure.grasp_motions(grasps)
     rows.append(_times(spec, "grasps: from request to timed motion", found.samples["whole"]))
     rows.append((spec.name, "grasps: solved", count, "", "", f"{found.solved:.3f}"))
+    if installed():
+        progress(0.4, "the same with VAMP")
+        rows += with_vamp(spec, free, grasps)
     rows.append(_times(spec, "feasibility of 50 grasps", measure.feasibilities(grasps)))
     rows.append(_times(spec, "retiming", measure.retiming(spec, free)))
     return rows
+
+
+def with_vamp(spec: RobotSpec, free: list[Problem], grasps: list[GraspProblem]) -> list[Row]:
+    """The problems searched by VAMP, or one row that says that it has no model of the arm."""
+    try:
+        vamp_arm(chain(spec))
+    except ToolError as error:
+        return [(spec.name, "free space and grasps, VAMP", 0, "", "", error.code)]
+    search = VampSearch()
+    ours, found = measure.free_motions(free, search), measure.grasp_motions(grasps, search)
+    return [
+        _times(spec, "free space: plan and simplify, VAMP", ours.samples["plan"]),
+        (spec.name, "free space: solved, VAMP", len(free), "", "", f"{ours.solved:.3f}"),
+        _times(spec, "grasps: from request to timed motion, VAMP", found.samples["whole"]),
+        (spec.name, "grasps: solved, VAMP", len(grasps), "", "", f"{found.solved:.3f}"),
+    ]
 
 
 def kinematics(spec: RobotSpec, count: int, progress: Progress) -> list[Row]:

@@ -20,7 +20,7 @@ from gap_motion.free_motion import TRIES, timed, to_grasps
 from gap_motion.ik import candidates, inside, nearest
 from gap_motion.kinematics import chain
 from gap_motion.paths import polyline, velocity_limits
-from gap_motion.planner import plan, shortcut
+from gap_motion.planner import Search, plan, shortcut
 from gap_motion.problems import GraspProblem, Problem, checker_among
 from gap_motion.timing import time_path
 from gap_motion.verify import Judge
@@ -52,39 +52,41 @@ class Timed:
         return float(np.mean(done))
 
 
-def free_motions(problems: list[Problem]) -> Timed:
-    """Plan, simplify and time each problem."""
+def free_motions(problems: list[Problem], search: Search | None = None) -> Timed:
+    """Plan, simplify and time each problem; a `search` plans and simplifies in one."""
     out = Timed()
     for problem in problems:
         began = time.process_time()
-        out.motions.append(_attempts(problem, out))
+        out.motions.append(_attempts(problem, out, search))
         out.samples.setdefault("whole", []).append(time.process_time() - began)
     return out
 
 
-def _attempts(problem: Problem, out: Timed) -> Trajectory | None:
+def _attempts(problem: Problem, out: Timed, search: Search | None) -> Trajectory | None:
+    checker, start, goals = problem.checker, problem.start, problem.goals
     for attempt, step in enumerate(TRIES):
         try:
             with out.of("plan"):
-                path = plan(problem.checker, problem.start, problem.goals, attempt, step=step, simplify=False)
+                rows = plan(checker, start, goals, attempt, step=step, simplify=False, search=search).waypoints
         except PlanningError:
             return None
-        with out.of("simplify"):
-            rows = shortcut(Edges(problem.checker, step), path.waypoints, attempt)
+        if search is None:
+            with out.of("simplify"):
+                rows = shortcut(Edges(checker, step), rows, attempt)
         with out.of("time and check"):
-            found = timed(problem.checker, rows)
+            found = timed(checker, rows)
         if found is not None:
             return found
     return None
 
 
-def grasp_motions(problems: list[GraspProblem]) -> Timed:
+def grasp_motions(problems: list[GraspProblem], search: Search | None = None) -> Timed:
     """A motion to one of each problem's grasps, from the request to the timed trajectory."""
     out = Timed()
     for problem in problems:
         with out.of("whole"):
             try:
-                found = to_grasps(problem.situation, problem.start, problem.grasps, 0.08, [problem.target], 0)
+                found = to_grasps(problem.situation, problem.start, problem.grasps, 0.08, [problem.target], 0, search)
                 out.motions.append(found.trajectory)
             except PlanningError:
                 out.motions.append(None)

@@ -1,0 +1,55 @@
+"""The real VAMP, where it is installed: its kinematics are ours, its paths are free, and a seed gives one path."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gap_motion.edges import Edges
+from gap_motion.kinematics import chain
+from gap_motion.planner import plan
+from gap_motion.problems import cage, free_space
+from gap_motion.vamp_arm import installed, vamp_arm
+from gap_motion.vamp_search import VampSearch
+from tests.unit.motion.conftest import REGISTRY, random_joints
+
+pytestmark = pytest.mark.skipif(not installed(), reason="vamp-planner is not installed")
+PANDA = REGISTRY.robot("panda")
+
+
+@pytest.fixture(scope="module")
+def hard():
+    """Problems that need a detour."""
+    return [p for p in free_space(PANDA, 25, seed=3) if not Edges(p.checker).free(p.start, p.goals[0])][:8]
+
+
+def test_its_panda_is_ours_to_the_micrometre():
+    arm, ours = vamp_arm(chain(PANDA)), chain(PANDA)
+    q = random_joints(PANDA, 50)
+    theirs = np.array([arm.module.eefk(row.tolist()) for row in q])
+    np.testing.assert_allclose(theirs, ours.poses(q, arm.tip), atol=1e-6)
+    assert 0 < arm.fixed.sum() < len(arm.fixed)
+
+
+def test_detours_are_free_and_repeat(hard):
+    assert len(hard) > 3
+    for problem in hard:
+        rows = [plan(problem.checker, problem.start, problem.goals, 5, search=VampSearch()).waypoints for _ in range(2)]
+        np.testing.assert_array_equal(rows[0], rows[1])
+        np.testing.assert_array_equal(rows[0][[0, -1]], [problem.start, problem.goals[0]])
+        assert Edges(problem.checker).path_free(rows[0])
+
+
+def test_another_seed_gives_another_path(hard):
+    found = [plan(p.checker, p.start, p.goals, s, search=VampSearch()).waypoints for p in hard for s in (1, 2)]
+    pairs = zip(found[::2], found[1::2], strict=True)
+    assert any(a.shape != b.shape or not np.allclose(a, b) for a, b in pairs)
+
+
+def test_the_cage_is_left_and_improving_does_not_lengthen_the_way():
+    problem = cage(PANDA, np.random.default_rng(0))
+    lengths = []
+    for improve in (False, True):
+        rows = plan(problem.checker, problem.start, problem.goals, search=VampSearch(improve=improve)).waypoints
+        lengths.append(np.linalg.norm(np.diff(rows, axis=0), axis=1).sum())
+    assert lengths[1] <= 1.1 * lengths[0]
