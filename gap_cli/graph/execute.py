@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from gap_cli.contracts.failures import GapError
 from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.task import Task
 from gap_cli.contracts.world import World
@@ -119,11 +120,22 @@ def run_graph(graph: CompiledGraph, setup: RunSetup, observers: Sequence[Observe
         scheduler, cancel=setup.cancel, budget_s=setup.budget_s, recovery_budget_s=setup.recovery_budget_s,
         grace_s=setup.grace_s, heartbeat=setup.heartbeat,
     ).run()  # fmt: skip
+    _let_arms_finish(world, course.outcome)
     result = _result(course.outcome)
     emitter.emit("run_finished", "", status=result.status, end=result.end, error=result.error)
     for error in emitter.essential_errors:
         raise error
     return result
+
+
+def _let_arms_finish(world: World | None, outcome: Outcome) -> None:
+    """A motion that no node waited for is part of the run: its time counts, and a run that it fails is no success."""
+    for arm in world.arms if world is not None and outcome.status == "success" else ():
+        try:
+            arm.finish()
+        except GapError as error:
+            outcome.note("", error)
+            outcome.status, outcome.failed_node, outcome.error = "error", "", str(error)
 
 
 def _result(outcome: Outcome) -> RunResult:
