@@ -10,6 +10,7 @@ import numpy as np
 from gap_cli.contracts.task import Shape
 from gap_cli.contracts.tool import ToolContext
 from gap_cli.contracts.types import Array, Image
+from gap_cli.contracts.vessels import body_centre
 from gap_perception.frames import Found, find
 from gap_perception.phrases import Phrase, read_phrase
 from gap_perception.relations import matches
@@ -90,8 +91,7 @@ def _handle(shape: Shape) -> Inside | None:
     """What sticks out of the round body of a pan or a mug; it points along the object's x axis."""
     if shape.handle is None:
         return None
-    length, width, _ = shape.size
-    centre, clear = (width - length) / 2, width / 2 + (shape.wall or 0.0) / 2
+    centre, clear = body_centre(shape), (shape.size[1] + (shape.wall or 0.0)) / 2
     return lambda p: (p[:, 0] > centre) & (np.hypot(p[:, 0] - centre, p[:, 1]) > clear)
 
 
