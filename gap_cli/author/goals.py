@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import hypot, pi, prod
 
 from gap_cli.contracts.failures import did_you_mean
 from gap_cli.contracts.task import Shape, Task
@@ -49,36 +50,50 @@ def check_goals(task: Task, goals: Sequence[Goal]) -> None:
             label = task.objects[goal.container].label
             raise refuse(task, f"The {label} cannot be filled and moved in one instruction.")
     for container in dict.fromkeys(placed.values()):
-        _check_volume(task, container, [t for t, c in placed.items() if c == container])
+        _check_room(task, container, [t for t, c in placed.items() if c == container])
 
 
 def _check_pair(task: Task, goal: Goal) -> None:
     target, container = task.objects[goal.target], task.objects[goal.container]
     if goal.target == goal.container:
         raise refuse(task, f"The {target.label} cannot be put into itself.")
+    if not container.is_container and container.shape.wall is not None:
+        hint = f"List ids or categories in {task.name}'s task.yaml, below {goal.container}: accepts."
+        raise InstructionError(f"The {container.label} is hollow, but the task does not say what it takes.", hint=hint)
     if not container.is_container:
         raise refuse(task, f"Nothing can be put into the {container.label}.")
     if not {goal.target, target.category, "*"} & set(container.accepts):
         raise refuse(task, f"The {container.label} takes {', '.join(container.accepts)}, not the {target.label}.")
-    inner = _inner(container.shape)
-    if inner is not None:
-        opening, waist = sorted(inner[:2]), sorted(target.shape.size)[:2]
-        if any(w > o for w, o in zip(waist, opening, strict=True)):
-            raise refuse(task, f"The {target.label} is too large for the {container.label}.")
+    if not _passes(target.shape, container.shape):
+        raise refuse(task, f"The {target.label} is too large for the {container.label}.")
 
 
-def _check_volume(task: Task, container: str, targets: Iterable[str]) -> None:
-    inner = _inner(task.objects[container].shape)
-    if inner is None:
-        return
-    sizes = [task.objects[t].shape.size for t in targets]
-    if sum(x * y * z for x, y, z in sizes) > inner[0] * inner[1] * inner[2]:
-        raise refuse(task, f"The {task.objects[container].label} cannot hold all {len(sizes)} things.")
+def _check_room(task: Task, container: str, targets: Sequence[str]) -> None:
+    if not _holds(task.objects[container].shape, [task.objects[t].shape.size for t in targets]):
+        raise refuse(task, f"The {task.objects[container].label} cannot hold all {len(targets)} things.")
 
 
-def _inner(shape: Shape) -> tuple[float, float, float] | None:
-    """Free space inside an open box [m]; None for other shapes, whose capacity is not known."""
-    if shape.kind != "open_box" or shape.wall is None or shape.floor is None:
-        return None
-    x, y, z = shape.size
-    return x - 2 * shape.wall, y - 2 * shape.wall, z - shape.floor
+def _passes(thing: Shape, container: Shape) -> bool:
+    """Whether it goes through the opening with its smallest side ahead; a shape without a cavity says nothing."""
+    if container.wall is None:
+        return True
+    short, middle = sorted(thing.size)[:2]
+    x, y, _ = container.size
+    if container.kind == "open_box":
+        narrow, wide = sorted((x - 2 * container.wall, y - 2 * container.wall))
+        return short <= narrow and middle <= wide
+    across = thing.size[1] if thing.kind == "cylinder" else hypot(short, middle)  # a cylinder can go in upright
+    return across <= y - 2 * container.wall
+
+
+def _holds(container: Shape, sizes: Sequence[tuple[float, float, float]]) -> bool:
+    """Whether there is room for all: by volume, or, since things stick out of a pan or a mug, side by side on its
+    floor. A shape without a cavity says nothing."""
+    if container.wall is None or container.floor is None:
+        return True
+    x, y, z = container.size
+    x, y, z = x - 2 * container.wall, y - 2 * container.wall, z - container.floor
+    floor = x * y if container.kind == "open_box" else pi / 4 * y**2
+    if sum(prod(size) for size in sizes) <= floor * z:
+        return True
+    return container.kind != "open_box" and sum(prod(sorted(size)[:2]) for size in sizes) <= floor

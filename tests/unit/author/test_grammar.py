@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from gap_cli.author.goals import Goal
 from gap_cli.author.grammar import parse_instruction
+from gap_cli.contracts.task import Task
 from gap_cli.errors import InstructionError
+from tests.unit.author.conftest import make_task
 
 MILK, KETCHUP, BUTTER = ("milk", "basket"), ("ketchup", "basket"), ("butter", "basket")
 TRAY = ("ketchup", "tray")
@@ -152,6 +155,46 @@ def test_a_container_that_cannot_hold_all_is_refused(task):
     crowded = task.model_copy(update={"objects": {**task.objects, "basket": small}})
     with pytest.raises(InstructionError, match="cannot hold all 2 things"):
         parse_instruction(crowded, "Put the milk and the ketchup in the basket")
+
+
+PAN = {"kind": "pan", "size": (0.4, 0.2, 0.05), "wall": 0.005, "floor": 0.005, "handle": (0.03, 0.02)}
+MUG = {"kind": "mug", "size": (0.12, 0.08, 0.1), "wall": 0.005, "floor": 0.005, "handle": (0.02, 0.02)}
+
+
+def kitchen_with(accepts=("grocery",), **shapes):
+    """The task with a pan, a mug, ... in place of its tray."""
+    data = make_task().model_dump(by_alias=True, exclude={"path"})
+    tray = data["objects"].pop("tray")
+    data["objects"] |= {n: {**tray, "label": n, "accepts": list(accepts), "shape": s} for n, s in shapes.items()}
+    data["scenes"] = {"all": dict.fromkeys(["milk", "ketchup", "butter", "basket", *shapes], "near")}
+    return Task.load(data, "task.yaml")
+
+
+def test_a_pan_and_a_mug_are_containers_where_the_task_says_what_they_take():
+    task = kitchen_with(pan=PAN, mug=MUG)
+    assert parse_instruction(task, "Put the milk in the pan") == (Goal("milk", "pan"),)
+    assert (
+        parse_instruction(task, "Put the milk and the ketchup in the pan and the butter in the mug")[2].container
+        == "mug"
+    )
+    with pytest.raises(InstructionError, match="melon is too large for the pan"):
+        parse_instruction(task, "Put the melon in the pan")
+    with pytest.raises(InstructionError, match="milk is too large for the mug"):  # 5 cm square, and the mug is round
+        parse_instruction(task, "Put the milk in the mug")
+
+
+def test_a_pan_holds_what_stands_side_by_side_in_it():
+    small = {**PAN, "size": (0.2, 0.09, 0.03)}
+    task = kitchen_with(pan=small)
+    assert parse_instruction(task, "Put the milk in the pan")
+    with pytest.raises(InstructionError, match="cannot hold all 3 things"):
+        parse_instruction(task, "Put the milk, the ketchup and the bbq sauce in the pan")
+
+
+def test_a_hollow_thing_of_which_the_task_says_nothing_is_told_apart():
+    with pytest.raises(InstructionError, match="does not say what it takes") as caught:
+        parse_instruction(kitchen_with(accepts=(), pan=PAN), "Put the milk in the pan")
+    assert "accepts" in caught.value.hint
 
 
 @pytest.mark.parametrize("sentence", ["put " * 1000, "a" * 100_000, "milk and " * 500, "\0\x1b[31m", "🥛" * 500])

@@ -27,6 +27,7 @@ from gap_cli.plugins import load_registry
 from gap_cli.skills import load_bundle, load_library
 from gap_cli.skills.library import SkillLibrary
 from tests.unit.author.conftest import make_task
+from tests.unit.author.test_grammar import PAN, kitchen_with
 
 REGISTRY = load_registry()
 LIBRARY = load_library(REGISTRY.skill_paths)
@@ -119,6 +120,13 @@ def test_either_perception_failing_is_a_failure_of_the_task(made):
     assert sum(source == "START" for source, _ in workflow.edges) == 2
     assert [b for a, b in workflow.edges if a == "place_milk"] == ["perceive_ketchup", "perceive_basket_2"]
     assert set(workflow.conditional_edges["place_milk"].mapping) == {"failed"}
+
+
+def test_a_pan_is_filled_like_any_container():
+    task = kitchen_with(pan=PAN)
+    plan = author.plan(task, "Put the milk in the pan", LIBRARY, TOOLS)
+    assert author.generate(plan, task, LIBRARY, TOOLS).findings == []
+    assert route(plan)[-1] == "transport-to-drop milk pan"
 
 
 def test_objects_for_one_container_are_counted(task):
