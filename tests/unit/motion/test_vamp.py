@@ -153,6 +153,27 @@ def test_a_path_outside_our_joint_limits_is_moved_inside(vamp, sideways):
     assert path.waypoints[1, 6] == pytest.approx(upper[6])
 
 
+def test_a_path_moved_inside_our_limits_must_be_free_there(vamp, sideways):
+    start, goals = sideways
+    upper = PANDA.limits[6].upper
+    vamp.panda.answer = lambda start, goals, world, rng: [start, np.append(HOME[:6], upper + 0.07), goals[0]]
+    vamp.panda.touching_itself = lambda q: abs(q[6] - upper) < 1e-3
+    with pytest.raises(PlanningError, match="VAMP found no path"):
+        plan(checker_among(PANDA, []), start, goals, search=VampSearch())
+    assert len(vamp.panda.asked) == TRIES
+
+
+def test_what_only_its_fatter_model_touches_gives_way(vamp, sideways):
+    start, goals = sideways
+    places = sphere_centers(PANDA, start) - np.array([[0, 0, s.radius] for s in PANDA.spheres])
+    x, y, z = places[[s.link == "panda_leftfinger" for s in PANDA.spheres]].min(axis=0)
+    checker = checker_among(PANDA, [Shape((x, y, z - 0.06), (0.05, 0.05, 0.05))])
+    vamp.panda.fat = 0.02
+    plan(checker, start, goals, search=VampSearch())
+    world = vamp.panda.asked[0].world
+    assert all(vamp.panda.validate(q.tolist(), world) for q in (start, goals[0]))
+
+
 def test_a_seed_is_a_place_in_the_sequence_of_samples(vamp, sideways):
     for seed in (3, 3, 4):
         plan(checker_among(PANDA, []), *sideways, seed=seed, search=VampSearch())
@@ -215,21 +236,29 @@ def test_its_failures_are_the_embedded_ones(vamp, scene):
 
 def test_what_is_held_rides_on_its_tip(vamp, scene):
     ctx, config, start, target = scene
+    box = config.obstacles[0].box
+    under = Vec3(box.center.x, box.center.y, box.center.z - box.extent.z - 0.02)
+    shelf = Obstacle("shelf", OrientedBoundingBox(under, Vec3(0.12, 0.12, 0.02), LEVEL))
+    config = WorldConfig((*config.obstacles, shelf))
     vamp.panda.tip = vamp.panda.tip @ np.array([[1, 0, 0, 0.001], [0, 1, 0, 0], [0, 0, 1, 0.002], [0, 0, 0, 1.0]])
     planned = vamp_tools.plan_with_grasped_object(
         ctx, world_config=config, start_joint_position=start, target_pose=target, object_name="bottle"
     )
     ends_at(planned.trajectory, target)
-    held = vamp.panda.asked[0].world.attached
-    tip = BASE.matrix @ vamp.panda.eefk(HOME.tolist()) @ held.relative_frame
-    centers = np.array([(s.x, s.y, s.z) for s in held.spheres]) @ tip[:3, :3].T + tip[:3, 3]
-    box = config.obstacles[0].box
+    world = vamp.panda.asked[0].world
+    tip, spheres = vamp.panda.eefk(HOME.tolist()) @ world.attached.relative_frame, world.attached.spheres
+    in_base = np.array([(s.x, s.y, s.z) for s in spheres]) @ tip[:3, :3].T + tip[:3, 3]
+    centers = in_base @ BASE.matrix[:3, :3].T + BASE.matrix[:3, 3]
     assert (np.abs(centers - box.center.array) < box.extent.array).all()
-    reach = np.array([s.r for s in held.spheres])
+    reach = np.array([s.r for s in spheres])
+    assert not world.touches(np.column_stack([in_base, reach])), "what it stands on gave way"
     assert all((np.linalg.norm(centers - corner, axis=1) < reach + 1e-6).any() for corner in box.corners)
 
 
 def test_improving_asks_for_its_other_planner(vamp, scene):
     ctx, _, start, target = scene
     vamp_tools.plan_to_pose(ctx, target_pose=target, start_joint_position=start, improve=True)
-    assert vamp.panda.asked[0].settings.rrtc.range == 1.0
+    assert [asked.settings.rrtc.range for asked in vamp.panda.asked] == [1.0]
+    vamp.panda.improves = False
+    vamp_tools.plan_to_pose(ctx, target_pose=target, start_joint_position=start, improve=True)
+    assert vamp.panda.asked[-1].settings.range == 1.0, "one path is better than none"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -41,6 +43,12 @@ def inside(boxes, points):
     return found
 
 
+def gone(box, left):
+    """Where in its own frame (N, 3) a box is no longer."""
+    local = np.random.default_rng(2).uniform(-box.half, box.half, (20000, 3))
+    return local[~inside(left, local @ box.turn + box.center)]
+
+
 def test_what_touches_the_scene_touches_vamps_whatever_the_base_and_the_turn_of_a_box():
     turn = Rotation.from_euler("xyz", [0.4, -0.7, 1.1]).as_quat()[[3, 0, 1, 2]]
     config = WorldConfig((obstacle("tilted", (-0.2, 0.4, 0.5), (0.2, 0.1, 0.05), turn),))
@@ -59,8 +67,9 @@ def test_what_touches_the_scene_touches_vamps_whatever_the_base_and_the_turn_of_
 def test_everything_is_grown_by_the_margin():
     checker = checker_in(WorldConfig((obstacle("box", (0, 0, 1), (0.1, 0.2, 0.3)),)))
     checker.scene = with_spheres(checker.scene, ["ball"], np.array([[1.0, 0.0, 0.0]]), np.array([0.15]))
+    checker.scene = replace(checker.scene, rounding=np.array([0.01, 0.15]))
     world = VampScene.of(checker).environment(vamp_like, 0.02)
-    np.testing.assert_allclose(world.cuboids[0].half, [0.12, 0.22, 0.32])
+    np.testing.assert_allclose(world.cuboids[0].half, [0.13, 0.23, 0.33])
     assert world.spheres[0].r == pytest.approx(0.17)
 
 
@@ -86,6 +95,9 @@ def test_a_box_gives_way_to_what_is_in_it_and_stays_elsewhere():
     for part in left:
         gaps = np.maximum(np.abs((spheres[:, :3] - part.center) @ part.turn.T) - part.half, 0.0)
         assert (np.linalg.norm(gaps, axis=1) > spheres[:, 3] + 0.005).all()
+    snug, wide = (gone(box, list(yielding(box, spheres, 0.005, aside))) for aside in (0.0, 0.03))
+    assert (wide.min(axis=0)[:2] < snug.min(axis=0)[:2] - 0.01).all()
+    assert (wide.max(axis=0)[:2] > snug.max(axis=0)[:2] + 0.01).all()
     far = np.linalg.norm(POINTS - [0.085, 0.0, 0.11], axis=1) > 0.2
     np.testing.assert_array_equal(inside(left, POINTS)[far], inside([box], POINTS)[far])
 
@@ -99,10 +111,16 @@ def test_a_box_that_is_only_near_stays_whole_and_is_grown_less_there():
 
 
 def test_nothing_grown_touches_what_it_gave_way_to():
-    checker = checker_in(WorldConfig((obstacle("floor", (0, 0, -0.4), (2, 2, 0.5)),)))
+    q = np.array(PANDA.home)
+    lowest = (moving_spheres(q)[:, 2] - moving_spheres(q)[:, 3]).min()
+    near, deep = (
+        obstacle("near", (0, 0, lowest - 0.105), (2, 2, 0.1)),
+        obstacle("deep", (-0.6, 0, 0.1), (0.2, 0.2, 0.2)),
+    )
+    checker = checker_in(WorldConfig((near, deep)))
     checker.scene = with_spheres(checker.scene, ["ball"], np.array([[-0.3, 0.2, 0.4]]), np.array([0.3]))
-    scene, q = VampScene.of(checker), np.array(PANDA.home)
+    scene = VampScene.of(checker)
     assert scene.environment(vamp_like, 0.01).touches(moving_spheres(q))
     scene.clear(moving_spheres(q), 0.01)
     world = scene.environment(vamp_like, 0.01)
-    assert world.cuboids and not world.touches(moving_spheres(q))
+    assert len(world.cuboids) > 2 and len(world.spheres) == 1 and not world.touches(moving_spheres(q))

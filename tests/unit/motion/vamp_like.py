@@ -80,6 +80,7 @@ class Arm:
     def __init__(self, spec, answer):
         self.spec, self.answer, self.asked = spec, answer, []
         self.tip, self.bend, self.touching_itself = chain(spec).tcp, 0.0, lambda q: False
+        self.fat, self.improves = 0.0, True
         model = self
 
         class Path(list):
@@ -103,7 +104,7 @@ class Arm:
 
     def fk(self, q):
         centers = sphere_centers(self.spec, q)
-        return [Sphere(c, s.radius) for c, s in zip(centers, self.spec.spheres, strict=True)]
+        return [Sphere(c, s.radius + self.fat) for c, s in zip(centers, self.spec.spheres, strict=True)]
 
     def eefk(self, q):
         T = chain(self.spec).poses(np.array(q), self.tip)[0]
@@ -125,7 +126,9 @@ class Arm:
             path.append([float(x) for x in row])
         return SimpleNamespace(solved=len(path) > 1, path=path)
 
-    aorrtc = rrtc
+    def aorrtc(self, start, goals, world, settings, rng):
+        found = self.rrtc(start, goals, world, settings, rng)
+        return found if self.improves else SimpleNamespace(solved=False)
 
     def simplify(self, path, world, settings, rng):
         return SimpleNamespace(path=path)
