@@ -15,6 +15,7 @@ from gap_cli.contracts.world import Arm
 from gap_motion.kinematics import Chain, chain
 
 STEP = 0.05  # s: one `max_steps` step, the 20 Hz control period of the environments the catalogue comes from
+GOING = 0.02  # rad: an arm whose motion ends farther away than this is on its way
 
 
 def arm_of(ctx: ToolContext, arm_id: int) -> Arm:
@@ -107,6 +108,11 @@ class Cell:
         """Where the arm's joints are now, clipped into their limits (a servo may sag past one by a hair)."""
         low, high = (np.array([getattr(x, k) for x in self.spec.limits]) for k in ("lower", "upper"))
         return np.asarray(np.clip(self.arm.state().joints.positions, low, high))
+
+    def whereabouts(self) -> list[Array]:
+        """Where the arm's joints (n,) are now and, when it is on its way, where its motion ends."""
+        now, end = self.joints(), self.arm.setpoint().goal
+        return [now, end] if np.abs(end - now).max() > GOING else [now]
 
     def tcp(self, q: Array) -> Array:
         """T_world_tcp at configurations (N, n), shape (N, 4, 4)."""

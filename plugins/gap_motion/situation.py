@@ -42,15 +42,17 @@ class Situation:
         margin: float = MARGIN,
         without: Collection[str] = (),
     ) -> Situation:
-        """The arm with its jaws as they are now, among the config's obstacles and the other arms of the cell."""
+        """The arm with its jaws as they are now, among the config's obstacles and the other arms of the cell.
+
+        Those count where they are and where they are going.
+        """
         if not 0.0 <= margin <= 0.1:
             raise BadRequestError("range", f"collision_margin must be 0 to 0.1 m, got {margin}.")
         cell = Cell.of(ctx, arm_id)
         scene = make_scene(config, without)
         for other, arm in enumerate(ctx.world.arms):
-            if other != arm_id:
-                state = arm.state()
-                centers = sphere_centers(arm.spec, state.joints.positions, state.gripper.width)
+            for q in Cell(arm, other).whereabouts() if other != arm_id else ():
+                centers = sphere_centers(arm.spec, q, arm.state().gripper.width)
                 T = arm.base_pose.matrix
                 radii = np.array([s.radius for s in arm.spec.spheres])
                 names = [f"arm:{other}:{s.link}" for s in arm.spec.spheres]

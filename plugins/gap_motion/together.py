@@ -17,6 +17,7 @@ from gap_motion.requests import Cell
 from gap_motion.timing import PERIOD
 
 APART = 0.01  # m kept between two arms
+NEARER = 1e-3  # m: how much nearer one arm may come to another that it is too near to already
 
 
 def in_step(trajectories: Sequence[Trajectory]) -> list[Trajectory]:
@@ -69,12 +70,34 @@ def refuse_meeting(cells: Sequence[Cell], motions: Sequence[Trajectory]) -> None
             gaps, names = _gaps(a, motion_a.positions, b, motion_b.positions)
             if gaps.min() < APART:
                 at = int(gaps.argmin())
-                raise MotionError(
-                    "refused",
-                    f"Motion refused: arms {b.arm_id} and {a.arm_id} would come within {gaps[at] * 1000:.0f} mm of "
-                    f"each other ({names[at][1]}, {names[at][0]}) after {motion_a.times[at]:.2f} s.",
-                    detail={"why": "arms_meet", "pair": list(names[at]), "time_s": round(float(motion_a.times[at]), 3)},
-                )
+                raise _meeting(b, a, float(gaps[at]), names[at][::-1], float(motion_a.times[at]))
+
+
+def refuse_meeting_others(ctx: ToolContext, cell: Cell, motion: Trajectory) -> None:
+    """Raise `MotionError` (`refused`, why `arms_meet`) when one arm's motion comes too near another arm of the cell.
+
+    The others count where they are and where they are going. An arm that is too near already may go away from it.
+    """
+    for arm_id, arm in enumerate(ctx.world.arms):
+        if arm_id == cell.arm_id:
+            continue
+        other = Cell(arm, arm_id)
+        for q in other.whereabouts():
+            (pa, ra, na), (pb, rb, nb) = _spheres(cell, motion.positions), _spheres(other, q[None])
+            gap = np.linalg.norm(pa[:, :, :, None] - pb[:, :, None], axis=1) - ra[:, None] - rb
+            room = gap - np.minimum(APART, gap[0] - NEARER)
+            if room.min() < 0:
+                k, i, j = (int(v) for v in np.unravel_index(int(room.argmin()), room.shape))
+                raise _meeting(other, cell, float(gap[k, i, j]), (nb[j], na[i]), float(motion.times[k]))
+
+
+def _meeting(a: Cell, b: Cell, gap: float, links: tuple[str, str], time: float) -> MotionError:
+    return MotionError(
+        "refused",
+        f"Motion refused: arms {a.arm_id} and {b.arm_id} would come within {gap * 1000:.0f} mm of each other "
+        f"({links[0]}, {links[1]}) after {time:.2f} s.",
+        detail={"why": "arms_meet", "pair": list(links), "time_s": round(time, 3)},
+    )
 
 
 def _gaps(a: Cell, qa: Array, b: Cell, qb: Array) -> tuple[Array, list[tuple[str, str]]]:

@@ -15,7 +15,7 @@ from gap_motion.policy_step import Stream, begin, checked_action, step, to_rest,
 from gap_motion.ready import at_rest
 from gap_motion.requests import STEP, Cell, finite, joints_of, pose_matrix, positive
 from gap_motion.timing import point_to_point
-from gap_motion.together import move_together
+from gap_motion.together import move_together, refuse_meeting_others
 
 BOTH = ("arm:0", "arm:1", "clock")
 
@@ -38,6 +38,7 @@ def go_to_pose_arm(
     start = at_rest(cell)
     trajectory = moves.to_pose(cell, start, target, back)
     refuse(cell, trajectory, ctx.task, start)
+    refuse_meeting_others(ctx, cell, trajectory)
     ctx.raise_if_cancelled()
     if trajectory.duration > 0:
         cell.arm.execute(trajectory)

@@ -14,7 +14,7 @@ from gap_motion.envelope import refuse
 from gap_motion.ready import at_rest
 from gap_motion.requests import Cell, arm_of, finite, joints_of, pose_matrix, positive, trajectory_of
 from gap_motion.timing import point_to_point
-from gap_motion.together import move_together
+from gap_motion.together import move_together, refuse_meeting_others
 
 ARM = ("arm:0", "clock")
 
@@ -145,6 +145,7 @@ def _run(
     refuse(cell, planned, ctx.task, start)
     if len(planned.times) < 2:
         return
+    refuse_meeting_others(ctx, cell, planned)
     (cell.arm.start if nonblocking else cell.arm.execute)(planned, tolerance=tolerance)
 
 

@@ -5,9 +5,11 @@ import pytest
 
 from gap_cli.contracts.failures import BadRequestError, MotionError, PlanningError
 from gap_cli.contracts.types import JointState, Quaternion, Se3Pose, Vec3
+from gap_cli.contracts.world import Setpoint
 from gap_motion.requests import Cell
+from gap_motion.situation import Situation
 from gap_motion.timing import Limits, point_to_point
-from gap_motion.together import in_step
+from gap_motion.together import in_step, refuse_meeting
 from tests.unit.motion.conftest import IdealArm
 
 OPPOSITE = Se3Pose(Vec3(0.9, 0.1, 0.0), Quaternion(0.2955202066613396, 0.0, 0.0, -0.9553364891256060))
@@ -65,6 +67,63 @@ def test_arms_that_would_meet_are_refused(pair):
     assert error.value.code in {"refused", "unreachable", "limits"} and pair.moved == []
 
 
+@pytest.fixture
+def beside(pair):
+    """The second arm stands 0.45 m to the left of the first, which turns towards it by its first joint."""
+    left = np.eye(4)
+    left[1, 3] = 0.45
+    pair.arms[1].base_pose = Se3Pose.of(pair.arms[0].base_pose.matrix @ left)
+    pair.turned = lambda angle: np.array(pair.arms[0].spec.home) + angle * np.eye(pair.arms[0].spec.dof)[0]
+    pair.go = lambda angle: pair.call("robot_control.MoveToJoints", joint_config=JointState(pair.turned(angle)))
+    return pair
+
+
+def test_one_arm_is_not_sent_through_another_that_stands(beside):
+    with pytest.raises(MotionError) as error:
+        beside.go(np.pi / 2)
+    assert error.value.code == "refused" and error.value.detail["why"] == "arms_meet"
+    assert beside.arms[0].executed == []
+    beside.go(-np.pi / 2)
+    np.testing.assert_allclose(beside.arms[0].q, beside.turned(-np.pi / 2))
+
+
+def test_where_another_arm_is_going_counts_too(beside):
+    arm = beside.arms[1]
+    arm.setpoint = lambda: Setpoint(arm.q, arm.q * 0, arm.q * 0, arm.q - np.pi / 2 * np.eye(arm.spec.dof)[0])
+    with pytest.raises(MotionError):
+        beside.go(0.1)
+
+
+def test_a_planner_sees_another_arm_where_it_is_and_where_it_is_going(beside):
+    arm = beside.arms[1]
+    standing = Situation.of(beside.context, 0, None).scene
+    assert all(name.startswith("arm:1:") for name in standing.names)
+    arm.setpoint = lambda: Setpoint(arm.q, arm.q * 0, arm.q * 0, arm.q - np.pi / 2 * np.eye(arm.spec.dof)[0])
+    going = Situation.of(beside.context, 0, None).scene
+    assert len(going.names) == 2 * len(standing.names) == 2 * len(arm.spec.spheres)
+
+
+def test_an_arm_too_near_to_another_may_go_away_from_it(beside):
+    cells = [Cell(arm, i) for i, arm in enumerate(beside.arms)]
+
+    def too_near(angle):
+        still = [
+            point_to_point(c.chain, np.stack([q, q]))
+            for c, q in zip(cells, (beside.turned(angle), beside.arms[1].q), strict=True)
+        ]
+        try:
+            refuse_meeting(cells, still)
+        except MotionError:
+            return True
+        return False
+
+    angle = next(a for a in np.linspace(0.0, np.pi / 2, 300) if too_near(a))
+    beside.arms[0].q = beside.turned(angle)
+    with pytest.raises(MotionError):
+        beside.go(angle + 0.1)
+    beside.go(0.0)
+
+
 def test_a_world_that_moves_one_arm_at_a_time_says_so(pair, spec):
     pair.context.world = SimpleNamespace(arms=pair.arms)
     home = JointState(np.array(spec.home))
@@ -101,7 +160,6 @@ def test_actions_outside_the_contract_are_refused(cell, code, action):
 
 
 def test_a_bimanual_pair_stands_clear_of_each_other_at_home(robot):
-    from gap_motion.together import refuse_meeting
     from gap_robots.panda import SIDE_BY_SIDE
 
     spec = robot("panda-bimanual")
