@@ -20,12 +20,10 @@ DOWN = Quaternion(0.0, 1.0, 0.0, 0.0)
 @pytest.fixture(scope="module")
 def cell():
     registry = load_registry(entry_points=False)
-    task = load_task(Path(__file__).parents[3] / "tasks" / "fulfill-grocery")
-    first = task.robots[0]
-    second = first.model_copy(update={"position": (0.75, 0.0, 0.0), "yaw_deg": 180.0})
-    environment = task.environment.model_copy(update={"workspace": ((-1.0, -1.0, 0.0), (1.0, 1.0, 1.2))})
-    task = task.model_copy(update={"robots": [first, second], "environment": environment})
-    world = registry.worlds["mujoco"].value(task, "alphabet_soup", {first.model: registry.robot(first.model)})
+    task = load_task(Path(__file__).parents[3] / "tasks" / "fulfill-grocery", "two-arms")
+    world = registry.worlds["mujoco"].value(
+        task, "alphabet_soup", {r.model: registry.robot(r.model) for r in task.robots}
+    )
     context = SimpleNamespace(
         world=world, task=task, state={}, seed=0, robot=lambda arm_id=0: world.arms[arm_id].spec,
         shared=lambda key, make: make(), raise_if_cancelled=lambda: None,
