@@ -44,24 +44,22 @@ class Analysis:
     centers: Array
     sizes: Array
     labels: tuple[Array, ...]
-    depths: tuple[Array, ...]
+    regions: tuple[tuple[Region | None, ...], ...]
     library: Mapping[str, Appearance]
 
     def region(self, instance: int, camera: int) -> Region | None:
         """Where an instance shows in a camera's picture; None where it does not."""
-        mask = self.labels[camera] == instance
-        rows = np.flatnonzero(mask.any(axis=1))
-        if not len(rows) or np.count_nonzero(mask) < MIN_PIXELS:
-            return None
-        columns = np.flatnonzero(mask.any(axis=0))
-        box = (int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1)
-        return Region(mask, box, float(np.median(self.depths[camera][mask])))
+        return self.regions[camera][instance]
 
 
 def has_depth(scene: Scene, camera: int) -> bool:
     """True when a remembered frame measured any distance at all."""
-    depth = scene.observation.cameras[camera].depth.data
-    return bool((np.isfinite(depth) & (depth > 0)).any())
+    with scene.lock:
+        key = f"has_depth:{camera}"
+        if key not in scene.derived:
+            depth = scene.observation.cameras[camera].depth.data
+            scene.derived[key] = bool((np.isfinite(depth) & (depth > 0)).any())
+        return bool(scene.derived[key])
 
 
 def library_of(ctx: ToolContext) -> Mapping[str, Appearance]:
@@ -112,7 +110,8 @@ def _analyse(ctx: ToolContext, scene: Scene) -> Analysis:
         label_of[kept[instance.voxels]] = index
     labels = _label_images(lifted, label_of[voxels.of_point])
     low, high = _extents(measured.points[kept], found)
-    return Analysis(tuple(found), (low + high) / 2, high - low, labels, tuple(c.depth.data for c in cameras), library)
+    regions = tuple(_regions(image, c.depth.data, len(found)) for image, c in zip(labels, cameras, strict=True))
+    return Analysis(tuple(found), (low + high) / 2, high - low, labels, regions, library)
 
 
 def _extents(points: Array, found: Sequence[Instance]) -> tuple[Array, Array]:
@@ -143,6 +142,24 @@ def _label_images(lifted: Sequence[CameraPoints], labels: Array) -> tuple[Array,
         images.append(image)
         start = stop
     return tuple(images)
+
+
+def _regions(labels: Array, depth: Array, count: int) -> tuple[Region | None, ...]:
+    """Where each of `count` instances shows in a picture."""
+    from scipy.ndimage import find_objects
+
+    found: list[Region | None] = []
+    for index, window in enumerate(find_objects(labels + 1, max_label=count)):
+        inside = None if window is None else labels[window] == index
+        if window is None or inside is None or np.count_nonzero(inside) < MIN_PIXELS:
+            found.append(None)
+            continue
+        mask = np.zeros(labels.shape, dtype=bool)
+        mask[window] = inside
+        rows, columns = window
+        box = (columns.start, rows.start, columns.stop, rows.stop)
+        found.append(Region(mask, box, float(np.median(depth[window][inside]))))
+    return tuple(found)
 
 
 def _on_any_robot(ctx: ToolContext, states: Sequence[ArmState], points: Array, margin: float) -> Array:

@@ -47,7 +47,7 @@ class Links:
         """Indices (sorted) of each connected part of the subset `members` (indices), largest part first."""
         inside = np.zeros(self._count, dtype=bool)
         inside[members] = True
-        pairs = self._pairs[inside[self._pairs].all(axis=1)]
+        pairs = self._pairs[inside[self._pairs[:, 0]] & inside[self._pairs[:, 1]]]
         graph = coo_matrix((np.ones(len(pairs), dtype=np.int8), pairs.T), shape=(self._count, self._count))
         _, labels = connected_components(graph, directed=False)
         labels = labels[members]

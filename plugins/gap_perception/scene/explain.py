@@ -95,7 +95,7 @@ def identify(
 ) -> list[Match]:
     """Every plausible match for one group of points, best first."""
     chosen = sample(part.points)
-    fits = propose(library, part.points, float(np.median(part.support)), stance)
+    fits = propose(library, part, stance)
     fits = [f for f in fits if (f.distance < part.reach).mean() >= PLAUSIBLE]
     matches = [judge(f, part.select(chosen), views) for f in fits]
     return sorted(matches, key=lambda m: (-m.log_likelihood, m.fit.appearance.name))
@@ -179,7 +179,9 @@ def _quality(instance: Instance) -> float:
 def _claim(scene: Measured, instance: Instance, free: Array) -> Array:
     """The free points an instance stands for: all on its surface, and its own group where it explains most of it."""
     assert instance.match is not None
-    near = free[instance.match.fit.surface_distance(scene.points[free]) < scene.reach]
+    fit = instance.match.fit
+    around = free[fit.around(scene.points[free], scene.reach)]
+    near = around[fit.surface_distance(scene.points[around]) < scene.reach]
     own = np.intersect1d(instance.voxels, free, assume_unique=True)
     if instance.match.explained > 0.9:
         near = np.union1d(near, own)

@@ -16,6 +16,7 @@ from gap_cli.contracts.types import Array
 from gap_perception.scene.library import Appearance
 
 ITERATIONS = 8
+FINE = 3  # of the iterations, the last, that look at all points; those before look at every other
 LOOSE, TIGHT = 0.015, 0.002  # m: scale of the robust weights, from the first iteration to the last
 WRONG = 0.008  # m: farther points are not explained at all, however far
 FREE_SIGMA = 0.05  # m: of the height of something held
@@ -39,6 +40,12 @@ class Fit:
     def local(self, points: Array) -> Array:
         """World points (N, 3) in the object's frame."""
         return np.asarray((points - self.position) @ self.rotation)
+
+    def around(self, points: Array, margin: float) -> Array:
+        """True for world points (N, 3) within `margin` [m] of the smallest sphere around the model, shape (N,)."""
+        offset = points - self.position
+        reach = float(np.linalg.norm(self.appearance.model.shape.size)) / 2 + margin
+        return np.asarray(_dot(offset, offset) < reach**2)
 
     def surface_distance(self, points: Array) -> Array:
         """Distance of world points (N, 3) from the model's surface, shape (N,) [m]."""
@@ -89,7 +96,8 @@ def fits(
     state = np.column_stack([starts[:, :2], np.full(len(starts), height), starts[:, 2]])
     for i in range(rounds):
         scale = LOOSE * (TIGHT / LOOSE) ** (i / (rounds - 1))
-        state = state + _step(appearance, base, points, state, scale, (height, sigma))
+        looked_at = points if i >= rounds - FINE else points[::2]
+        state = state + _step(appearance, base, looked_at, state, scale, (height, sigma))
     R, t = _pose(base, state)
     local = (points[None] - t[:, None]) @ R
     distance = _distance(appearance, local, appearance.lookup(local))
@@ -113,8 +121,8 @@ def _step(
     index = appearance.lookup(local)
     offset = local - appearance.points[index]
     flat = appearance.normals[index]
-    residual = (flat * offset).sum(-1)
-    weight = 1.0 / (1.0 + (offset * offset).sum(-1) / scale**2) ** 2
+    residual = _dot(flat, offset)
+    weight = 1.0 / (1.0 + _dot(offset, offset) / scale**2) ** 2
     normal = flat @ R.transpose(0, 2, 1)
     yaw = normal[..., 1] * arm[..., 0] - normal[..., 0] * arm[..., 1]
     J = np.concatenate([normal, yaw[..., None]], axis=-1)  # of the residual by (point moved with the body), negated
@@ -130,6 +138,10 @@ def _step(
 def _distance(appearance: Appearance, local: Array, index: Array) -> Array:
     """Distance to the surface: along the normal where the nearest surface point is near, else to that point."""
     offset = local - appearance.points[index]
-    normal = np.abs((appearance.normals[index] * offset).sum(-1))
-    sideways = np.sqrt(np.maximum((offset**2).sum(-1) - normal**2, 0.0))
+    normal = np.abs(_dot(appearance.normals[index], offset))
+    sideways = np.sqrt(np.maximum(_dot(offset, offset) - normal**2, 0.0))
     return np.asarray(np.hypot(normal, np.maximum(sideways - 0.004, 0.0)))
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray(np.einsum("...i,...i->...", a, b))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from gap_cli.contracts.task import ObjectModel, Task
 from gap_cli.contracts.types import Array, CameraObservation
-from gap_perception.scene.colours import perceptual
+from gap_perception.scene.colours import hue_histogram, perceptual
 
 CELL = 0.003  # m: grid of surface points
 PAD = 0.03  # m: how far from the surface the nearest surface point is still looked up
@@ -42,11 +43,18 @@ class Appearance:
         """True when turning it about its z axis leaves its shape the same."""
         return self.model.shape.kind == "cylinder"
 
+    @cached_property
+    def hues(self) -> Array:
+        """Histogram of the surface's hues, see `hue_histogram`."""
+        return hue_histogram(self.colours)
+
     def lookup(self, local: Array) -> Array:
         """Index of the nearest surface point of points (..., 3) in the object's frame; clamped outside the grid."""
-        cell = ((local - self.origin) / CELL).astype(np.int64)
-        cell = np.clip(cell, 0, np.array(self.nearest.shape) - 1)
-        return np.asarray(self.nearest[cell[..., 0], cell[..., 1], cell[..., 2]])
+        _, rows, layers = self.nearest.shape
+        cell = (local - self.origin) / CELL
+        np.clip(cell, 0, np.array(self.nearest.shape) - 1, out=cell)
+        cell = cell.astype(np.int64)
+        return np.asarray(self.nearest.ravel()[(cell[..., 0] * rows + cell[..., 1]) * layers + cell[..., 2]])
 
 
 def build_library(task: Task) -> dict[str, Appearance]:

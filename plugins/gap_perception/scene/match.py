@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -64,32 +65,38 @@ def judge(fit: Fit, part: Measured, views: Sequence[DepthView], *, near: Array |
 
 def _turn(fit: Fit, part: Measured) -> tuple[Fit, float]:
     """The fit turned, among the turns its shape cannot tell apart, to where colours agree best."""
-    best, cost = fit, colour_distance(fit, part)
-    for turn in symmetries(fit.appearance, standing=fit.rest == 0):
-        candidate = replace(fit, rotation=fit.rotation @ turn)
-        value = colour_distance(candidate, part)
-        if value < cost - 1e-9 and _still_on(candidate, part):
-            best, cost = candidate, value
-    return best, cost
+    turns = np.array([np.eye(3), *symmetries(fit.appearance, standing=fit.rest == 0)])
+    cost = colour_distances(fit, turns, part)
+    for index in np.argsort(cost, kind="stable"):
+        turned = replace(fit, rotation=fit.rotation @ turns[index])
+        if index == 0 or _still_on(turned, part):
+            return turned, float(cost[index])
+    return fit, float(cost[0])
 
 
 def _still_on(fit: Fit, part: Measured) -> bool:
     return float((fit.surface_distance(part.points) < part.reach).mean()) > SAME_SHAPE
 
 
-def symmetries(appearance: Appearance, *, standing: bool) -> list[Array]:
+def symmetries(appearance: Appearance, *, standing: bool) -> tuple[Array, ...]:
     """Turns, as rotations of the object's frame, that leave its outline about the same; upside down only when lying."""
     x, y, _ = appearance.model.shape.size
-    steps = ROUND_TURNS if appearance.is_round else 4 if abs(x - y) < SQUARE else 2
+    return _symmetries(ROUND_TURNS if appearance.is_round else 4 if abs(x - y) < SQUARE else 2, standing)
+
+
+@cache
+def _symmetries(steps: int, standing: bool) -> tuple[Array, ...]:
     about_z = [Rotation.from_euler("z", 2 * np.pi * k / steps).as_matrix() for k in range(steps)]
     over = np.diag([1.0, -1.0, -1.0])
-    return about_z[1:] if standing else about_z[1:] + [turn @ over for turn in about_z]
+    return tuple(about_z[1:] if standing else about_z[1:] + [turn @ over for turn in about_z])
 
 
-def colour_distance(fit: Fit, part: Measured) -> float:
-    """Mean CIELAB distance between measured colours and the model's at the same place, lightness level aside."""
-    model = fit.appearance.colours[fit.appearance.lookup(fit.local(part.points))]
-    difference = part.colours - model
-    chroma = np.minimum(np.hypot(difference[:, 1], difference[:, 2]), FAR_COLOUR)
-    lightness = np.minimum(np.abs(difference[:, 0] - np.median(difference[:, 0])), FAR_COLOUR)
-    return float(chroma.mean() + LIGHTNESS_WEIGHT * lightness.mean())
+def colour_distances(fit: Fit, turns: Array, part: Measured) -> Array:
+    """Mean CIELAB distance between measured colours and the model's at the same place, lightness level aside, for the
+    fit turned by each of `turns` (T, 3, 3); shape (T,)."""
+    local = fit.local(part.points) @ turns
+    difference = part.colours - fit.appearance.colours[fit.appearance.lookup(local)]
+    chroma = np.minimum(np.hypot(difference[..., 1], difference[..., 2]), FAR_COLOUR)
+    level = np.median(difference[..., 0], axis=1, keepdims=True)
+    lightness = np.minimum(np.abs(difference[..., 0] - level), FAR_COLOUR)
+    return np.asarray(chroma.mean(axis=1) + LIGHTNESS_WEIGHT * lightness.mean(axis=1))

@@ -31,7 +31,7 @@ def look(image: Image, library: Mapping[str, Appearance]) -> list[Candidate]:
     small = cv2.resize(image.data, size, interpolation=cv2.INTER_AREA) if scale < 1 else image.data
     lab = perceptual(small)
     labels = _foreground(lab)
-    histograms = {name: hue_histogram(surface.colours) for name, surface in library.items()}
+    histograms = {name: surface.hues for name, surface in library.items()}
     found = []
     for label in range(1, int(labels.max()) + 1):
         part = labels == label

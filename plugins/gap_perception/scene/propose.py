@@ -8,12 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from gap_cli.contracts.types import Array
+from gap_perception.scene.colours import hue_histogram, overlap
 from gap_perception.scene.fit import Fit, fit, resting_size, rests
 from gap_perception.scene.library import Appearance
+from gap_perception.scene.measured import Measured
 
 SAMPLE = 300  # points a fit looks at
 TOP_SLACK = 0.008  # m
 SIDE_SLACK = 0.010  # m
+NO_HUES = 0.1  # overlap of hues below which a group is not of that model, whatever its shape
 SAME_SIDE = 0.006  # m: sides measured this well are taken to be seen whole
 
 
@@ -58,14 +61,17 @@ def aligned(points: Array) -> tuple[Array, Array, float]:
     return middle + (low + high) / 2 @ axes, high - low, float(np.arctan2(along[1], along[0]))
 
 
-def propose(library: Mapping[str, Appearance], points: Array, support: float, stance: Stance) -> list[Fit]:
-    """Fits of the models whose size can explain world points (N, 3) above a surface at height `support` [m]."""
+def propose(library: Mapping[str, Appearance], part: Measured, stance: Stance) -> list[Fit]:
+    """Fits of the models whose size and hues can explain a group of points."""
+    points, support, hues = part.points, float(np.median(part.support)), hue_histogram(part.colours)
     (centre, sides, yaw), spread = rectangle(points), aligned(points)
     top = float(np.quantile(points[:, 2], 0.995)) - support
     chosen = points[sample(points)]
     found = []
     for name in sorted(library):
         surface = library[name]
+        if overlap(hues, surface.hues) < NO_HUES:
+            continue
         for rest in range(len(rests(surface.model.shape.kind)) if stance.tipped else 1):
             size = resting_size(surface, rest)
             if not stance.raised and top > size[2] + TOP_SLACK:

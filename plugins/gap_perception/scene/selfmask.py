@@ -27,12 +27,17 @@ class Solid(NamedTuple):
 def on_robot(points: Array, solids: Sequence[Solid], margin: float = MARGIN) -> Array:
     """True for world points (N, 3) within `margin` of a solid."""
     hit = np.zeros(len(points), dtype=bool)
-    for solid in solids:
-        reach = float(np.linalg.norm(solid.size)) + margin
-        near = np.flatnonzero(~hit & (((points - solid.position) ** 2).sum(axis=1) < reach**2))
-        if len(near):
-            local = (points[near] - solid.position) @ solid.rotation
-            hit[near] = _distance(local, solid) < margin
+    centres = np.array([solid.position for solid in solids]).reshape(-1, 3)
+    reaches = np.array([float(np.linalg.norm(solid.size)) + margin for solid in solids])
+    # Most of what cameras see is nowhere near the robot: its own box leaves that out at once.
+    low = (centres - reaches[:, None]).min(axis=0, initial=np.inf)
+    high = (centres + reaches[:, None]).max(axis=0, initial=-np.inf)
+    around = np.flatnonzero(((points > low) & (points < high)).all(axis=1))
+    for solid, centre, reach in zip(solids, centres, reaches, strict=True):
+        offset = points[around] - centre
+        near = np.einsum("ni,ni->n", offset, offset) < reach**2
+        local = offset[near] @ solid.rotation
+        hit[around[near]] |= _distance(local, solid) < margin
     return hit
 
 

@@ -73,7 +73,7 @@ def _pool(library: Mapping[str, Appearance], seen: Measured, tipped: bool) -> li
     pool: list[Fit] = []
     for name in sorted(library):
         surface = library[name]
-        if overlap(hues, hue_histogram(surface.colours)) >= SAME_HUES:
+        if overlap(hues, surface.hues) >= SAME_HUES:
             counted = [(int((f.distance < seen.reach).sum()), f) for f in _fits(surface, fitted, support, tipped)]
             pool += _distinct([f for n, f in sorted(counted, key=lambda c: -c[0]) if n >= FEWEST])
     return pool
