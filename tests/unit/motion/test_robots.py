@@ -5,6 +5,8 @@ import pytest
 from gap_robots.spheres import cover_model
 from gap_robots.visuals import LOOKS, add_looks, mesh_folder
 
+KINDS = ("velocity", "acceleration", "jerk", "torque")
+
 
 @pytest.fixture
 def model(spec):
@@ -25,8 +27,44 @@ def test_ranges_and_torques_of_the_model_are_the_specs(spec, model):
         np.testing.assert_allclose(model.jnt_actfrcrange[model.joint(name).id], [-limit.torque, limit.torque])
 
 
-def test_every_limit_has_a_source(spec):
-    assert {"limits", "tcp_velocity", "gripper.max_force", "tcp_offset_position"} <= set(spec.sources)
+def test_the_panda_is_as_its_maker_publishes_it(robot):
+    for name in ("panda", "panda-bimanual"):
+        spec = robot(name)
+        limits = {kind: [getattr(limit, kind) for limit in spec.limits] for kind in KINDS}
+        assert limits["velocity"] == [2.175] * 4 + [2.61] * 3
+        assert limits["acceleration"] == [15, 7.5, 10, 12.5, 15, 20, 20]
+        assert limits["jerk"] == [7500, 3750, 5000, 6250, 7500, 10000, 10000]
+        assert limits["torque"] == [87] * 4 + [12] * 3
+        assert spec.tcp_velocity == 1.7
+        assert (spec.gripper.max_width, spec.gripper.max_force) == (0.08, 70.0)
+
+
+def test_the_ur5e_turns_and_pulls_as_its_maker_publishes_it(robot):
+    spec = robot("ur5e")
+    assert [limit.velocity for limit in spec.limits] == [np.pi] * 6
+    assert [limit.torque for limit in spec.limits] == [150] * 3 + [28] * 3
+    assert (spec.tcp_velocity, spec.gripper.max_width) == (1.0, 0.085)
+
+
+@pytest.mark.parametrize("name", ["panda", "panda-bimanual", "ur5e"])
+def test_a_spec_leaves_nothing_out(robot, name):
+    spec = robot(name)
+    assert spec.name == name and spec.model_file.is_file()
+    assert spec.dof == len(spec.joints) == len(spec.limits) == len(spec.home)
+    for limit in spec.limits:
+        assert limit.lower < limit.upper and all(getattr(limit, kind) > 0 for kind in KINDS)
+    jaw = spec.gripper
+    assert min(jaw.max_width, jaw.max_force, jaw.max_speed, jaw.finger_depth, *jaw.finger_size) > 0 and jaw.joints
+    assert np.linalg.norm(spec.tcp_offset_quaternion) == pytest.approx(1.0) and spec.tcp_offset_position[2] > 0
+    assert spec.cameras and spec.spheres and spec.self_collision_ignore and spec.reach > 0
+    said = {"limits", "tcp_velocity", "tcp_offset_position", "reach", "home", "cameras", "inertias"}
+    said |= {f"gripper.{x}" for x in ("max_width", "max_force", "max_speed", "finger_size", "finger_depth")}
+    assert said <= set(spec.sources) and all(spec.sources.values())
+
+
+def test_the_links_that_may_touch_are_links_with_spheres(spec):
+    links = {sphere.link for sphere in spec.spheres}
+    assert {link for pair in spec.self_collision_ignore for link in pair} <= links
 
 
 def test_home_is_inside_the_limits_and_free_of_contact(spec, model):
