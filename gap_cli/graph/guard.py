@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from time import monotonic
 from typing import Any
 
-from gap_cli.contracts.failures import PrivilegedReadError, ToolError
+from gap_cli.contracts.failures import MotionError, PrivilegedReadError, ToolError
 from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.snapshot import WorldSnapshot
 from gap_cli.contracts.types import ArmState, GripperState, Observation, Se3Pose, Trajectory
-from gap_cli.contracts.world import Arm, Instance, Setpoint, World, WorldFrame
+from gap_cli.contracts.world import Arm, Instance, LockstepWorld, Setpoint, World, WorldFrame
 from gap_cli.graph.attempt import Attempt, deadline_error
 from gap_cli.graph.leases import CLOCK, Leases
 
@@ -55,6 +55,13 @@ class GuardedWorld:
         with self.inside(CLOCK):
             self._world.wait(seconds)
 
+    def execute(self, motions: Mapping[int, Trajectory], *, tolerance: float = 0.01) -> None:
+        """Move several arms at once; needs the lease of each. Raises `MotionError` (`unsupported`)."""
+        if not isinstance(self._world, LockstepWorld):
+            raise MotionError("unsupported", "This world cannot move several arms at once.", hint="Move one by one.")
+        with self.inside(*(f"arm:{arm_id}" for arm_id in sorted(motions))):
+            self._world.execute(motions, tolerance=tolerance)
+
     def subscribe(
         self, listener: Callable[[WorldFrame], None], hz: float, cameras: Sequence[str] = ()
     ) -> Callable[[], None]:
@@ -78,16 +85,17 @@ class GuardedWorld:
         raise self._privileged("the end of the world")
 
     @contextmanager
-    def inside(self, resource: str = "") -> Iterator[None]:
+    def inside(self, *resources: str) -> Iterator[None]:
         """Around a call into the world: check before, measure, and check again after."""
         attempt = self._attempt
         attempt.check()
-        if resource and not self._leases.holds(attempt, resource):
-            raise ToolError(
-                "lease",
-                f"{attempt.node.path} commands {resource} without holding it.",
-                hint="The tool must declare effect 'actuate' and this resource.",
-            )
+        for resource in resources:
+            if not self._leases.holds(attempt, resource):
+                raise ToolError(
+                    "lease",
+                    f"{attempt.node.path} commands {resource} without holding it.",
+                    hint="The tool must declare effect 'actuate' and this resource.",
+                )
         start = monotonic()
         try:
             yield

@@ -58,3 +58,38 @@ def test_starting_needs_the_arm_as_moving_does():
     world = FakeWorld()
     result = run_fake(chain(a={"type": "tool", "tool": "fake.Sneak"}), sneak, world=world)
     assert result.causes[0].code == "lease" and world.arms[0].commands == []
+
+
+class LockstepFake(FakeWorld):
+    """A fake world that says which arms were moved together."""
+
+    moved = ()
+
+    def execute(self, motions, *, tolerance=0.01):
+        self.moved = tuple(sorted(motions))
+
+
+@tool("fake.Both", effect="actuate", resources=("arm:0", "arm:1", "clock"))
+def both(ctx: ToolContext) -> None:
+    """Moves two arms at once."""
+    ctx.world.execute({0: WAY, 1: WAY})
+
+
+@tool("fake.Grab", effect="actuate", resources=("arm:0", "clock"))
+def grab(ctx: ToolContext) -> None:
+    """Moves two arms at once, holding one."""
+    ctx.world.execute({0: WAY, 1: WAY})
+
+
+def test_arms_that_move_together_are_all_held():
+    world = LockstepFake(arms=2)
+    assert run_fake(chain(a={"type": "tool", "tool": "fake.Both"}), both, world=world).status == "success"
+    assert world.moved == (0, 1)
+    world = LockstepFake(arms=2)
+    result = run_fake(chain(a={"type": "tool", "tool": "fake.Grab"}), grab, world=world)
+    assert result.causes[0].code == "lease" and "arm:1" in result.error and world.moved == ()
+
+
+def test_a_world_that_moves_one_arm_at_a_time_says_so():
+    result = run_fake(chain(a={"type": "tool", "tool": "fake.Both"}), both, world=FakeWorld(arms=2))
+    assert result.causes[0].code == "unsupported"
