@@ -61,8 +61,8 @@ def solve(g: Geometry, T: Array, q7: Array) -> Array:
         q6 = _wrist(reach, x6, y6, along)  # (N, 2, 2): elbow, wrist
         z5 = np.sin(q6)[..., None] * x6[:, None, None] + np.cos(q6)[..., None] * y6[:, None, None]
         x4 = (reach[:, None, None] - along[..., None, None] * z5) / across[..., None, None]
-        z4 = np.cross(x4, z5)
-        x5 = np.cross(z5, np.broadcast_to(z6[:, None, None], z5.shape))
+        z4 = _cross(x4, z5)
+        x5 = _cross(z5, np.broadcast_to(z6[:, None, None], z5.shape))
         q5 = np.arctan2(-_dot(x5, z4), _dot(x5, x4))
         x3 = c4[..., None, None] * x4 - s4[..., None, None] * z5
         z3 = s4[..., None, None] * x4 + c4[..., None, None] * z5
@@ -101,6 +101,14 @@ def _shoulder(x3: Array, z3: Array) -> Array:
     x, y, z = (x3[..., i, None] for i in range(3))
     q3 = np.arctan2(c1 * y - s1 * x, c2 * (c1 * x + s1 * y) - s2 * z)
     return np.stack([q1, q2, q3], axis=-1)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """As np.cross for arrays of one shape (..., 3), without what it costs to find out which shapes it was given."""
+    out = np.empty_like(a)
+    for i, (k, m) in enumerate(((1, 2), (2, 0), (0, 1))):
+        out[..., i] = a[..., k] * b[..., m] - a[..., m] * b[..., k]
+    return out
 
 
 def _dot(a: Array, b: Array) -> Array:
