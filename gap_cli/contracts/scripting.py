@@ -1,0 +1,67 @@
+"""What scripts of several skills compute: pure helpers, loaded in the jail too, where scripts import contracts only.
+
+They call no tools: which tools a script may use is read from its own text.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from gap_cli.contracts.robot import RobotSpec
+from gap_cli.contracts.types import Array, BoundingBox2D, OrientedBoundingBox, Se3Pose, WorldConfig
+
+COMPARED = 400  # points per cloud; enough to tell clouds millimetres apart, few enough for all pairs
+GRID = 0.002  # m: finer than the depth, coarse enough for what reads a cloud to be quick
+
+
+def cloud_gap(a: Array, b: Array) -> float:
+    """Smallest distance [m] between two clouds (N, 3) and (M, 3), on an even sample of each."""
+    a, b = (points[:: len(points) // COMPARED + 1] for points in (a, b))
+    return float(np.linalg.norm(a[:, None] - b[None], axis=2).min())
+
+
+def thinned(points: Array) -> Array:
+    """The first of the points (N, 3) [m] in every occupied grid cell, in their order."""
+    _, first = np.unique(np.floor(points / GRID).astype(np.int64), axis=0, return_index=True)
+    return np.asarray(points[np.sort(first)])
+
+
+def numbered_question(prompt: str, object_name: str, boxes: Sequence[BoundingBox2D]) -> str:
+    """The prompt with `{object_name}` and, for `{boxes}`, a numbered line of pixels for each."""
+    rows = [
+        f"{number}: [{b.x_min:.0f}, {b.y_min:.0f}, {b.x_max:.0f}, {b.y_max:.0f}]" for number, b in enumerate(boxes, 1)
+    ]
+    return prompt.replace("{object_name}", object_name).replace("{boxes}", "\n".join(rows))
+
+
+def named_index(answer: str, count: int) -> int | None:
+    """Which of `count` numbered things an answer names, from 0; None for none and for what is not understood."""
+    found = re.fullmatch(r"(?:box |number )?(\d+)\W*", answer.strip().lower())
+    return int(found[1]) - 1 if found is not None and 1 <= int(found[1]) <= count else None
+
+
+def points_around(world: WorldConfig) -> Array:
+    """Points (N, 3) [m] of everything seen but the target itself; supports have none."""
+    clouds = [o.points for o in world.obstacles if o.points is not None and o.name != "target"]
+    return np.concatenate([np.zeros((0, 3)), *clouds])
+
+
+def hover_height(spec: RobotSpec, start: Se3Pose, obb: OrientedBoundingBox, points: Array, pass_over: float) -> float:
+    """TCP height [m] from which everything between the hand and the target is passed over, at most the hand's own.
+
+    `start` is T_world_tcp now, `points` (N, 3) [m] what is around, `pass_over` the room below the fingertips [m].
+    """
+    aside = beside_way(points, start.position.array, obb.center.array)
+    beside = points[aside < spec.gripper.max_width / 2 + 2 * max(spec.gripper.finger_size), 2]
+    top = max([obb.center.z + obb.extent.z, *beside.tolist()])
+    return float(min(top + spec.gripper.finger_size[2] + pass_over, start.position.z))
+
+
+def beside_way(points: Array, a: Array, b: Array) -> Array:
+    """How far each of the points (N, 3) is, seen from above, from the straight way from a to b, shape (N,) [m]."""
+    way = b[:2] - a[:2]
+    t = np.clip((points[:, :2] - a[:2]) @ way / max(float(way @ way), 1e-9), 0, 1)
+    return np.asarray(np.linalg.norm(points[:, :2] - (a[:2] + t[:, None] * way), axis=1))
