@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gap_cli.contracts.types import Array
 from gap_motion.checker import Checker
@@ -69,8 +68,7 @@ class VampScene:
     def environment(self, vamp: Any, margin: float) -> Any:
         """VAMP's own scene, everything grown by `margin`."""
         out = vamp.Environment()
-        turns = np.array([box.turn.T for box in self.boxes]).reshape(-1, 3, 3)
-        angles = Rotation.from_matrix(turns).as_euler("xyz") if len(turns) else ()
+        angles = euler_xyz(np.array([box.turn.T for box in self.boxes]).reshape(-1, 3, 3))
         for box, euler in zip(self.boxes, angles, strict=True):
             half = box.half + min(margin, box.most)
             out.add_cuboid(vamp.Cuboid(box.center.tolist(), euler.tolist(), half.tolist()))
@@ -86,6 +84,17 @@ class VampScene:
         local = np.einsum("bij,bsj->bsi", turns, spheres[None, :, :3] - middles[:, None])
         gaps = np.linalg.norm(np.maximum(np.abs(local) - halves[:, None], 0.0), axis=2) - spheres[:, 3]
         return np.asarray(gaps.min(axis=1) < np.minimum(margin, most) + CLEAR)
+
+
+def euler_xyz(R: Array) -> Array:
+    """Angles about the fixed x, y and z axes, in that order, of rotation matrices (B, 3, 3); shape (B, 3).
+
+    scipy's would warn where y is a right angle; there, z is zero.
+    """
+    level = np.hypot(R[:, 0, 0], R[:, 1, 0])
+    x = np.where(level > 1e-9, np.arctan2(R[:, 2, 1], R[:, 2, 2]), np.arctan2(-R[:, 1, 2], R[:, 1, 1]))
+    z = np.where(level > 1e-9, np.arctan2(R[:, 1, 0], R[:, 0, 0]), 0.0)
+    return np.stack([x, np.arctan2(-R[:, 2, 0], level), z], axis=1)
 
 
 def yielding(box: Box, spheres: Array, margin: float, aside: float) -> Iterator[Box]:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from gap_motion.edges import Edges
 from gap_motion.kinematics import chain
 from gap_motion.planner import plan
 from gap_motion.problems import cage, free_space
-from gap_motion.vamp_arm import installed, vamp_arm
+from gap_motion.vamp_arm import installed, library, vamp_arm
+from gap_motion.vamp_scene import Box, VampScene
 from gap_motion.vamp_search import VampSearch
+from tests.unit.motion import vamp_like
 from tests.unit.motion.conftest import REGISTRY, random_joints
 
 pytestmark = pytest.mark.skipif(not installed(), reason="vamp-planner is not installed")
@@ -29,6 +32,19 @@ def test_its_panda_is_ours_to_the_micrometre():
     theirs = np.array([arm.module.eefk(row.tolist()) for row in q])
     np.testing.assert_allclose(theirs, ours.poses(q, arm.tip), atol=1e-6)
     assert 0 < arm.fixed.sum() < len(arm.fixed)
+
+
+def test_it_reads_a_scene_as_its_stand_in_of_these_tests_does():
+    arm = vamp_arm(chain(PANDA))
+    turn = Rotation.from_euler("xyz", [0.4, -0.7, 1.1]).as_matrix()
+    boxes = [Box(np.array([0.4, 0.2, 0.5]), turn, np.array([0.2, 0.15, 0.05]))]
+    scene = VampScene(boxes, np.array([[-0.3, 0.2, 0.7, 0.1]]))
+    theirs, ours = (scene.environment(module, 0.01) for module in (library(), vamp_like))
+    alone = library().Environment()
+    q = [row for row in random_joints(PANDA, 400) if arm.module.validate(row.tolist(), alone)]
+    touched = [ours.touches(arm.spheres(row)) for row in q]
+    assert 20 < sum(touched) < len(q) - 20
+    assert touched == [not arm.module.validate(row.tolist(), theirs) for row in q]
 
 
 def test_detours_are_free_and_repeat(hard):

@@ -13,7 +13,7 @@ from gap_motion.body import STATIC, make_body
 from gap_motion.checker import Checker
 from gap_motion.kinematics import chain, sphere_centers
 from gap_motion.obstacles import Field, make_scene, with_spheres
-from gap_motion.vamp_scene import Box, VampScene, solid_boxes, yielding
+from gap_motion.vamp_scene import Box, VampScene, euler_xyz, solid_boxes, yielding
 from tests.unit.motion import vamp_like
 from tests.unit.motion.conftest import BASE, REGISTRY, random_joints
 
@@ -62,6 +62,13 @@ def test_what_touches_the_scene_touches_vamps_whatever_the_base_and_the_turn_of_
     theirs = [world.touches(moving_spheres(row)) for row in q]
     assert 30 < sum(ours) < 270
     assert sum(a != b for a, b in zip(ours, theirs, strict=True)) == 0
+
+
+@pytest.mark.parametrize("y", [0.3, np.pi / 2, -np.pi / 2, 2.5])
+def test_every_turn_has_angles_a_right_one_too(y):
+    turns = Rotation.from_euler("ZYX", [[0.4, y, -1.2], [2.0, y, 0.0]])
+    again = [vamp_like.Cuboid((0, 0, 0), angles, (1, 1, 1)).axes for angles in euler_xyz(turns.as_matrix())]
+    np.testing.assert_allclose([turn.as_matrix() for turn in again], turns.as_matrix(), atol=1e-7)
 
 
 def test_everything_is_grown_by_the_margin():
