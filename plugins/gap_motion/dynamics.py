@@ -6,6 +6,7 @@ right k has a closed form. The load is the arm and its empty gripper; `SHARE` le
 
 from __future__ import annotations
 
+import threading
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -20,12 +21,16 @@ SLOWEST = 10.0  # times: a pose that gravity alone makes impossible is not saved
 
 
 class Plant(NamedTuple):
-    """The robot's dynamics without contacts or gravity compensation, and where its joints are in them."""
+    """The robot's dynamics without contacts or gravity compensation, and where its joints are in them.
+
+    `local` keeps a state for each thread: to make one costs as much as a dozen inverse dynamics.
+    """
 
     model: Any
-    q: Array
-    v: Array
+    q: slice | Array
+    v: slice | Array
     torque: Array
+    local: threading.local
 
 
 @lru_cache(maxsize=8)
@@ -38,7 +43,14 @@ def plant(chain: Chain) -> Plant:
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     joints = [model.joint(name) for name in chain.spec.joints]
     torque = np.array([limit.torque for limit in chain.spec.limits])
-    return Plant(model, np.array([j.qposadr[0] for j in joints]), np.array([j.dofadr[0] for j in joints]), torque)
+    places = (_places([int(j.qposadr[0]) for j in joints]), _places([int(j.dofadr[0]) for j in joints]))
+    return Plant(model, *places, torque, threading.local())
+
+
+def _places(indices: list[int]) -> slice | Array:
+    """Where the joints are in an array: a slice, which is quicker, where they are next to each other."""
+    first, end = indices[0], indices[0] + len(indices)
+    return slice(first, end) if indices == list(range(first, end)) else np.array(indices)
 
 
 def torques(chain: Chain, q: Array, dq: Array, ddq: Array) -> Array:
@@ -46,11 +58,14 @@ def torques(chain: Chain, q: Array, dq: Array, ddq: Array) -> Array:
     import mujoco
 
     made, out = plant(chain), np.empty_like(q)
-    data = mujoco.MjData(made.model)
+    if not hasattr(made.local, "data"):
+        made.local.data = mujoco.MjData(made.model)
+    data = made.local.data
+    qpos, qvel, qacc, force = data.qpos, data.qvel, data.qacc, data.qfrc_inverse
     for k in range(len(q)):
-        data.qpos[made.q], data.qvel[made.v], data.qacc[made.v] = q[k], dq[k], ddq[k]
+        qpos[made.q], qvel[made.v], qacc[made.v] = q[k], dq[k], ddq[k]
         mujoco.mj_inverse(made.model, data)
-        out[k] = data.qfrc_inverse[made.v]
+        out[k] = force[made.v]
     return out
 
 
