@@ -14,7 +14,7 @@ from gap_motion.envelope import refuse
 from gap_motion.policy_step import Stream, begin, checked_action, step, to_rest, wants_closed
 from gap_motion.ready import at_rest
 from gap_motion.requests import STEP, Cell, finite, joints_of, pose_matrix, positive
-from gap_motion.timing import point_to_point
+from gap_motion.timing import PERIOD, point_to_point
 from gap_motion.together import move_together, refuse_meeting_others
 
 BOTH = ("arm:0", "arm:1", "clock")
@@ -97,7 +97,8 @@ def apply_policy_action(ctx: ToolContext, action: list[float], arm_id: int = 0) 
     add up. The arm is sent on to the target from the motion it is in, inside all limits, to be there 0.15 s later or as
     soon as it can; 50 ms of world time pass, and the next action goes on from there. When none follows, the arm comes
     to rest at the target while time passes or before its next command. Grip below 0 opens, above 0 closes, meanwhile.
-    Refused whole outside the arm's limits or the workspace, and (`rate`) when the arm would fall 1 s behind.
+    Refused whole outside the arm's limits or the workspace, near another arm, and (`rate`) when the arm would fall 1 s
+    behind.
     Raises `BadRequestError`, `PlanningError`, `MotionError`.
     """
     values = checked_action(action)
@@ -110,6 +111,7 @@ def apply_policy_action(ctx: ToolContext, action: list[float], arm_id: int = 0) 
     stream, now = step(cell, stream, values), cell.arm.setpoint()
     trajectory = to_rest(cell, now, stream.goal)
     refuse(cell, trajectory, ctx.task, now.positions, now)
+    refuse_meeting_others(ctx, cell, moves.sampled(trajectory, PERIOD))
     ctx.raise_if_cancelled()
     cell.arm.start(trajectory, replace=True)
     ctx.state[key] = Stream(stream.target, cell.arm.setpoint().goal)
