@@ -47,7 +47,7 @@ class ToolContext(Protocol):
 
 
 class ScriptContext(Protocol):
-    """What a skill script may use: tools, the robot's spec, the seed. `robot` is there for canonical scripts only."""
+    """What a skill script may use: tools, the robot's spec, the seed."""
 
     seed: int
 

@@ -41,9 +41,11 @@ class ScriptRunner(Protocol):
         *,
         publish: Callable[[Any], None] | None = None,
         check: Callable[[], None] | None = None,
+        robot: Callable[[int], RobotSpec] | None = None,
         seed: int = 0,
     ) -> Any:
-        """What the script's `run` returned. `call_tool` and `publish` are served here; `check` raises to give up."""
+        """What the script's `run` returned. `call_tool`, `publish` and `robot` are served here; `check` raises to give
+        up."""
 
 
 class SharedStore:
@@ -175,6 +177,7 @@ class NodeContext:
             self.seconds_left(),
             publish=self.publish if self._attempt.node.streaming else None,
             check=self.raise_if_cancelled,
+            robot=self.robot,
             seed=self._services.seed,
         )
 

@@ -16,9 +16,9 @@ _IO = {
     "globals", "locals", "vars", "getattr", "setattr", "delattr", "memoryview",
 }  # fmt: skip
 _SCRIPT_MODULES = {
-    "__future__", "collections", "collections.abc", "dataclasses", "enum", "functools", "itertools", "math", "operator",
-    "statistics", "typing", "numpy", "numpy.linalg", "numpy.random", "numpy.fft", "numpy.typing",
-    "scipy.spatial.transform",
+    "__future__", "collections", "collections.abc", "contextlib", "dataclasses", "enum", "functools", "itertools",
+    "math", "operator", "re", "statistics", "time", "typing", "numpy", "numpy.linalg", "numpy.random", "numpy.fft",
+    "numpy.typing", "scipy.spatial.transform",
 }  # fmt: skip
 
 

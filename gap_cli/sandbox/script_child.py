@@ -11,16 +11,18 @@ from functools import cache
 from typing import Any
 
 from gap_cli.contracts.failures import BadRequestError, ToolError
+from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.wire import pack, unpack
-from gap_cli.sandbox import warm
+from gap_cli.sandbox import robots, warm
 from gap_cli.sandbox.blame import blame, remember
 from gap_cli.sandbox.confine import REPLY_FD, REQUEST_FD
 from gap_cli.sandbox.failures import described, revived
 from gap_cli.sandbox.frames import read_frame, write_frame
-from gap_cli.sandbox.lint import SCRIPT, report
+from gap_cli.sandbox.lint import NO_IMPORT, SCRIPT, report
 
 FILENAME = "<script>"
 MODULE = "inline_script"
+WHY = "this script is not, byte for byte, one of its skill's, so it runs in the jail, where few modules are"
 warm.up()
 
 
@@ -33,6 +35,10 @@ class Context:
     def tool(self, name: str, /, **inputs: Any) -> Any:
         """Call a tool; returns its bare value or a NamedTuple. Raises what the tool raised."""
         return _ask("call", name, inputs)
+
+    def robot(self, arm_id: int = 0) -> RobotSpec:
+        """The spec of one arm."""
+        return robots.spec_of(_ask("robot", arm_id))
 
     def publish(self, value: Any) -> None:
         """Make `value` the latest of this streaming node."""
@@ -76,10 +82,12 @@ def main() -> None:
     ballast = [bytes(8 << 20)]  # given back when memory runs out, so that we can still say so
     try:
         problem = report(job["source"], SCRIPT, FILENAME)
+        if problem and NO_IMPORT in problem["message"]:
+            problem["message"] += f": {WHY}"
         payload = pack(["error", problem]) if problem else pack(["return", run(job)])
     except BaseException as error:
         ballast.clear()
-        payload = pack(["error", blame(error, FILENAME) | _failure(error)])
+        payload = pack(["error", _explained(blame(error, FILENAME), error) | _failure(error)])
     write_frame(REPLY_FD, payload)
 
 
@@ -88,6 +96,14 @@ def _failure(error: BaseException) -> dict[str, Any]:
     if not isinstance(error, ToolError):
         return {}
     return {**described(error), "origin": getattr(error, "origin", None)}
+
+
+def _explained(report: dict[str, Any], error: BaseException) -> dict[str, Any]:
+    """The report, with why and what there is instead for a script that wanted to import what is not there."""
+    if not isinstance(error, ImportError):
+        return report
+    ours = sorted(m for m in sys.modules if m.startswith("gap_cli.contracts."))
+    return report | {"message": f"{report['message']}: {WHY}", "hint": f"Of the contracts: {', '.join(ours)}."}
 
 
 def run(job: dict[str, Any]) -> Any:

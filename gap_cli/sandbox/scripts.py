@@ -10,6 +10,7 @@ from typing import Any, Self
 
 from gap_cli.contracts.documents import read_text
 from gap_cli.contracts.failures import CancelledError, PrivilegedReadError, ToolError
+from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.wire import pack, unpack
 from gap_cli.errors import BadRequestError, GapError, SandboxError
 from gap_cli.sandbox import verdict
@@ -17,6 +18,7 @@ from gap_cli.sandbox.confine import Limits
 from gap_cli.sandbox.failures import described, revived
 from gap_cli.sandbox.frames import DeadlineError, FloodError, HangUpError, Pipes
 from gap_cli.sandbox.lint import MAX_SOURCE
+from gap_cli.sandbox.robots import plain
 from gap_cli.sandbox.server import ForkServer
 
 MAX_MESSAGE = 64_000_000
@@ -56,21 +58,22 @@ class ScriptJail:
         *,
         publish: Callable[[Any], None] | None = None,
         check: Callable[[], None] | None = None,
+        robot: Callable[[int], RobotSpec] | None = None,
         seed: int = 0,
     ) -> Any:
         """Call `run(ctx, **inputs)` of the script and return its result, named results as a dict.
 
-        `ctx.tool` and `ctx.publish` become `call_tool(name, inputs)` and `publish(value)` here, on this thread; every
-        check of a call is theirs. `check` is called while waiting and may raise to give up; `deadline_s` [s] of wall
-        time bounds the whole run. Raises `SandboxError`, the `ToolError` the script raised or let through, and whatever
-        `check` raises; a call that fails otherwise ends the script.
+        `ctx.tool`, `ctx.publish` and `ctx.robot` become `call_tool(name, inputs)`, `publish(value)` and `robot(arm_id)`
+        here, on this thread; every check of a call is theirs. `check` is called while waiting and may raise to give up;
+        `deadline_s` [s] of wall time bounds the whole run. Raises `SandboxError`, the `ToolError` the script raised or
+        let through, and whatever `check` raises; a call that fails otherwise ends the script.
         """
         source = read_text(source_path)
         what = f"The script {source_path.name}"
         if len(source) > MAX_SOURCE:
             raise SandboxError(f"{what} is longer than {MAX_SOURCE // 1000} kB.", cause="forbidden")
         order = pack({"source": source, "inputs": inputs, "seed": seed})
-        session = _Session(what, call_tool, publish, self._max_calls)
+        session = _Session(what, call_tool, publish, robot, self._max_calls)
         cpu = math.ceil(deadline_s) + 2 if math.isfinite(deadline_s) else FOREVER
         with self._server.job(Limits(MEMORY, cpu), deadline_s, unsafe=self._unsafe, check=check) as job:
             try:
@@ -88,8 +91,16 @@ class ScriptJail:
 class _Session:
     """One run of one script, as the host sees it."""
 
-    def __init__(self, what: str, call_tool: CallTool, publish: Callable[[Any], None] | None, max_calls: int) -> None:
+    def __init__(
+        self,
+        what: str,
+        call_tool: CallTool,
+        publish: Callable[[Any], None] | None,
+        robot: Callable[[int], RobotSpec] | None,
+        max_calls: int,
+    ) -> None:
         self._what, self._call_tool, self._publish, self._calls_left = what, call_tool, publish, max_calls
+        self._robot = robot
         self._raised: list[ToolError] = []
 
     def serve(self, pipes: Pipes) -> Any:
@@ -104,6 +115,11 @@ class _Session:
                 case ["call", str(name), dict(inputs)]:
                     self._count()
                     pipes.send(self._answer(self._call_tool, name, inputs))
+                case ["robot", int(arm_id)] if self._robot is not None:
+                    self._count()
+                    pipes.send(pack(["ok", plain(self._robot(arm_id))]))
+                case ["robot", _]:
+                    raise SandboxError(f"{self._what} asks for a robot, and there is none here.", cause="forbidden")
                 case ["publish", value] if self._publish is not None:
                     pipes.send(self._answer(self._publish, value))
                 case ["publish", _]:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import collections.abc
+import contextlib
 import dataclasses
 import enum
 import functools
 import itertools
 import math
 import operator
+import re
 import statistics
+import time
 import typing
 
 import numpy as np
@@ -22,11 +25,13 @@ import numpy.typing
 import scipy.spatial.transform
 from scipy.spatial.transform import Rotation, Slerp
 
-from gap_cli.contracts import codec, failures, types, wire
+from gap_cli.contracts import codec, failures, robot, scripting, tool, types, wire
+from gap_cli.sandbox import robots
 
 LOADED = (
-    collections.abc, dataclasses, enum, functools, itertools, math, operator, statistics, typing, numpy.ma,
-    numpy.polynomial, numpy.typing, scipy.spatial.transform, codec, failures, types, wire,
+    collections.abc, contextlib, dataclasses, enum, functools, itertools, math, operator, re, statistics, time, typing,
+    numpy.ma, numpy.polynomial, numpy.typing, scipy.spatial.transform, codec, failures, robot, robots, scripting, tool,
+    types, wire,
 )  # fmt: skip
 
 

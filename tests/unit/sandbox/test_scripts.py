@@ -1,4 +1,5 @@
 import threading
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -27,8 +28,11 @@ from gap_cli.errors import (
     ToolError,
     UnknownNameError,
 )
+from gap_cli.plugins import load_registry
 from gap_cli.sandbox import ScriptJail
+from gap_cli.sandbox.robots import plain, spec_of
 from gap_cli.sandbox.server import ForkServer
+from gap_cli.skills import load_library
 
 POSE = Se3Pose.of(np.eye(4))
 CAMERA = CameraObservation(
@@ -251,3 +255,49 @@ def test_where_the_kernel_cannot_filter_nothing_runs_unless_told_so(tmp_path):
         ScriptJail(server=server).run(path, {}, lambda name, inputs: None, 5.0)
     with ScriptJail(server=server, unsafe=True) as jail:
         assert jail.run(path, {}, lambda name, inputs: None, 5.0) == 1
+
+
+
+PANDA = load_registry().robots["panda"].value()
+
+
+def test_a_robot_s_spec_arrives_whole_but_for_where_its_model_lies(run):
+    assert replace(spec_of(plain(PANDA)), model_file=PANDA.model_file) == PANDA
+    source = (
+        "from gap_cli.contracts.robot import RobotSpec\n"
+        "from gap_cli.contracts.tool import ScriptContext\n"
+        "def run(ctx: ScriptContext, arm: int) -> list:\n"
+        "    spec = ctx.robot(arm)\n"
+        "    assert isinstance(spec, RobotSpec)\n"
+        "    return [spec.name, spec.gripper.max_width, spec.dof, str(spec.model_file)]\n"
+    )
+    asked = []
+    found = run(source, inputs={"arm": 1}, robot=lambda arm: (asked.append(arm), PANDA)[1])
+    assert found == ["panda", PANDA.gripper.max_width, len(PANDA.joints), PANDA.model_file.name] and asked == [1]
+
+
+def test_a_robot_that_is_not_there_ends_the_script(run):
+    def robot(arm):
+        raise UnknownNameError("arm", str(arm), ["0"])
+
+    with pytest.raises(UnknownNameError, match="arm"):
+        run("def run(ctx): return ctx.robot(7).dof", robot=robot)
+    with pytest.raises(SandboxError, match="asks for a robot"):
+        run("def run(ctx): return ctx.robot()")
+
+
+def test_an_import_the_jail_has_not_says_why_it_is_there_and_what_there_is(run):
+    with pytest.raises(SandboxError, match=r"'gap_cli.contracts.snapshots'.*byte for byte") as caught:
+        run("import gap_cli.contracts.snapshots\ndef run(ctx): return 1")
+    assert "gap_cli.contracts.robot" in caught.value.hint
+    with pytest.raises(SandboxError, match=r"os cannot be imported.*byte for byte") as caught:
+        run("import os\ndef run(ctx): return 1")
+    assert "Importable" in caught.value.hint
+
+
+SCRIPTS = [p for bundle in load_library(load_registry().skill_paths).values() for p in bundle.scripts.values()]
+
+
+@pytest.mark.parametrize("path", SCRIPTS, ids=lambda p: f"{p.parent.parent.name}/{p.name}")
+def test_a_skill_s_script_may_be_edited_and_then_runs_in_the_jail(run, path):
+    assert run(path.read_text() + "\n\ndef run(ctx): return 1\n") == 1
