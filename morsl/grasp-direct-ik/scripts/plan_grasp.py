@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from gap_cli.contracts.failures import GraspError, PlanningError
 from gap_cli.contracts.robot import RobotSpec
+from gap_cli.contracts.scripting import hover_height, points_around
 from gap_cli.contracts.tool import ScriptContext
 from gap_cli.contracts.types import WORLD, OrientedBoundingBox, Se3Pose, Vec3, WorldConfig
 
@@ -65,7 +66,7 @@ def run(
     """Plan the grasp. Raises `GraspError` (`too_wide`), `PlanningError` (`blocked` by a neighbour, `unreachable`)."""
     spec = ctx.robot()
     limits = Limits(grasp_depth, max_shift, max_tilt_deg, jaw_margin, support_clearance, palm_clearance)
-    points = points_of(world)
+    points = points_around(world)
     start = ctx.tool("robot_control.GetEEPose").pose
     over = hover_height(spec, start, target_obb, points, pass_over)
     near = points[np.linalg.norm(points[:, :2] - target_obb.center.array[:2], axis=1) < AROUND]
@@ -220,26 +221,7 @@ def from_home(ctx: ScriptContext, spec: RobotSpec, pose: Se3Pose) -> float | Non
     return float(np.abs(solved.joint_config.positions - np.array(spec.home)).max()) if solved.success else None
 
 
-def hover_height(
-    spec: RobotSpec, start: Se3Pose, obb: OrientedBoundingBox, points: np.ndarray, pass_over: float
-) -> float:
-    """TCP height [m] from which everything between the hand and the target is passed over, at most the hand's own."""
-    a, b = start.position.array[:2], obb.center.array[:2]
-    way = b - a
-    t = np.clip((points[:, :2] - a) @ way / max(float(way @ way), 1e-9), 0, 1)
-    aside = np.linalg.norm(points[:, :2] - (a + t[:, None] * way), axis=1)
-    beside = points[aside < spec.gripper.max_width / 2 + 2 * max(spec.gripper.finger_size), 2]
-    top = max([obb.center.z + obb.extent.z, *beside.tolist()])
-    return min(top + spec.gripper.finger_size[2] + pass_over, start.position.z)
-
-
 def descent(grasp: Se3Pose, over: float, least: float) -> float:
     """Length [m] of the straight approach that starts at height `over`."""
     down = -grasp.rotation.rotation.apply([0.0, 0.0, 1.0])[2]
     return max(least, float((over - grasp.position.z) / down))
-
-
-def points_of(world: WorldConfig) -> np.ndarray:
-    """Points (N, 3) [m] of everything seen but the target itself; supports have none."""
-    clouds = [o.points for o in world.obstacles if o.points is not None and o.name != "target"]
-    return np.concatenate([np.zeros((0, 3)), *clouds])

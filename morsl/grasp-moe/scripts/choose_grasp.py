@@ -9,6 +9,7 @@ import numpy as np
 
 from gap_cli.contracts.failures import GraspError, PlanningError
 from gap_cli.contracts.robot import RobotSpec
+from gap_cli.contracts.scripting import hover_height
 from gap_cli.contracts.tool import ScriptContext
 from gap_cli.contracts.types import (
     WORLD,
@@ -142,19 +143,6 @@ def hovers(pose: Se3Pose, over: float, least: float) -> Iterator[Se3Pose]:
     down = max(-float(approach[2]), STEEP)
     for length in sorted({max(least, (over - pose.position.z) / down), least}, reverse=True):
         yield Se3Pose(Vec3.of(pose.position.array - length * approach), pose.rotation)
-
-
-def hover_height(
-    spec: RobotSpec, start: Se3Pose, obb: OrientedBoundingBox, points: np.ndarray, pass_over: float
-) -> float:
-    """TCP height [m] from which everything between the hand and the target is passed over, at most the hand's own."""
-    a, b = start.position.array[:2], obb.center.array[:2]
-    way = b - a
-    t = np.clip((points[:, :2] - a) @ way / max(float(way @ way), 1e-9), 0, 1)
-    aside = np.linalg.norm(points[:, :2] - (a + t[:, None] * way), axis=1)
-    beside = points[aside < spec.gripper.max_width / 2 + 2 * max(spec.gripper.finger_size), 2]
-    top = max([obb.center.z + obb.extent.z, *beside.tolist()])
-    return min(top + spec.gripper.finger_size[2] + pass_over, start.position.z)
 
 
 def raised(pose: Se3Pose, height: float) -> Se3Pose:

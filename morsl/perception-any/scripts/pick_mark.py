@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from gap_cli.contracts.failures import PerceptionError
+from gap_cli.contracts.scripting import cloud_gap, named_index, numbered_question, thinned
 from gap_cli.contracts.tool import ScriptContext
 from gap_cli.contracts.types import WORLD, CameraObservation, Detection, Mask, PointCloud
-
-AGREEMENT_POINTS = 400  # per cloud; enough to tell clouds centimetres apart, few enough for all pairs
-GRID = 0.002  # m: one point is kept per cell; finer than the depth, coarse enough for the noise filter to be quick
 
 
 class Picked(NamedTuple):
@@ -70,14 +67,9 @@ def ask(
     """The mark the model names; None for none, for no marks, and for an answer that is not understood."""
     if not marks:
         return None
-    rows = [
-        f"{number}: [{d.box.x_min:.0f}, {d.box.y_min:.0f}, {d.box.x_max:.0f}, {d.box.y_max:.0f}]"
-        for number, d in enumerate(marks, 1)
-    ]
-    question = prompt.replace("{object_name}", object_name).replace("{boxes}", "\n".join(rows))
-    answer = ctx.tool("vlm.Query", prompt=question, image=camera.rgb).text.strip().lower()
-    number = re.fullmatch(r"(?:box |number )?(\d+)\W*", answer)
-    return marks[int(number[1]) - 1] if number is not None and 1 <= int(number[1]) <= len(marks) else None
+    question = numbered_question(prompt, object_name, [d.box for d in marks])
+    named = named_index(ctx.tool("vlm.Query", prompt=question, image=camera.rgb).text, len(marks))
+    return None if named is None else marks[named]
 
 
 def touching(
@@ -86,7 +78,7 @@ def touching(
     """Points (N, 3) of the first mark in another camera that touches the picked object."""
     for detection in marks:
         view = lift(ctx, camera, detection)
-        if view is not None and len(view.points) and gap(view.points, picked.points) <= within:
+        if view is not None and len(view.points) and cloud_gap(view.points, picked.points) <= within:
             return view.points
     return None
 
@@ -105,15 +97,3 @@ def lift(ctx: ScriptContext, camera: CameraObservation, detection: Detection) ->
         camera_pose=camera.pose,
     )
     return View(detection.score, mask, cloud.points)
-
-
-def gap(a: np.ndarray, b: np.ndarray) -> float:
-    """Smallest distance [m] between two clouds, on an even sample of each."""
-    a, b = (points[:: len(points) // AGREEMENT_POINTS + 1] for points in (a, b))
-    return float(np.linalg.norm(a[:, None] - b[None], axis=2).min())
-
-
-def thinned(points: np.ndarray) -> np.ndarray:
-    """The first point of every occupied grid cell."""
-    _, first = np.unique(np.floor(points / GRID).astype(np.int64), axis=0, return_index=True)
-    return points[np.sort(first)]

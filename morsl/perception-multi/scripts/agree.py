@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from gap_cli.contracts.failures import PerceptionError
+from gap_cli.contracts.scripting import cloud_gap, named_index, numbered_question, thinned
 from gap_cli.contracts.tool import ScriptContext
-from gap_cli.contracts.types import WORLD, CameraObservation, Mask, ObjectMask, PointCloud
-
-AGREEMENT_POINTS = 400  # per cloud; enough to tell clouds centimetres apart, few enough for all pairs
-GRID = 0.002  # m: one point is kept per cell; finer than the depth, coarse enough for the noise filter to be quick
+from gap_cli.contracts.types import WORLD, BoundingBox2D, CameraObservation, Mask, ObjectMask, PointCloud
 
 
 class Agreed(NamedTuple):
@@ -100,11 +97,9 @@ def decide(
         return None
     if opinions[0].votes > 1 and (len(opinions) == 1 or opinions[1].votes < opinions[0].votes):
         return opinions[0]
-    rows = [f"{number}: {corners(o.mask)}" for number, o in enumerate(opinions, 1)]
-    question = prompt.replace("{object_name}", object_name).replace("{boxes}", "\n".join(rows))
-    answer = ctx.tool("vlm.Query", prompt=question, image=camera.rgb).text.strip().lower()
-    number = re.fullmatch(r"(?:box |number )?(\d+)\W*", answer)
-    return opinions[int(number[1]) - 1] if number is not None and 1 <= int(number[1]) <= len(opinions) else None
+    question = numbered_question(prompt, object_name, [bounds(o.mask) for o in opinions])
+    named = named_index(ctx.tool("vlm.Query", prompt=question, image=camera.rgb).text, len(opinions))
+    return None if named is None else opinions[named]
 
 
 def overlap(a: Mask, b: Mask) -> float:
@@ -113,30 +108,18 @@ def overlap(a: Mask, b: Mask) -> float:
     return float((a.data & b.data).sum()) / union if union else 0.0
 
 
-def corners(mask: Mask) -> str:
-    """The mask's pixel rectangle, [x_min, y_min, x_max, y_max]."""
+def bounds(mask: Mask) -> BoundingBox2D:
+    """The mask's pixel rectangle; without area for an empty one."""
     rows, columns = np.nonzero(mask.data)
     if not len(rows):
-        return "[0, 0, 0, 0]"
-    return f"[{columns.min()}, {rows.min()}, {columns.max() + 1}, {rows.max() + 1}]"
+        return BoundingBox2D(0.0, 0.0, 0.0, 0.0)
+    return BoundingBox2D(float(columns.min()), float(rows.min()), columns.max() + 1.0, rows.max() + 1.0)
 
 
 def merge(views: list[View], agree_within: float) -> Agreed:
     """The view with most votes, joined by every other whose cloud touches it."""
     first = max(views, key=lambda v: (v.opinion.votes, v.opinion.score))
-    together = [first, *(v for v in views if v is not first and gap(v.points, first.points) <= agree_within)]
+    together = [first, *(v for v in views if v is not first and cloud_gap(v.points, first.points) <= agree_within)]
     most = max(together, key=lambda v: len(v.points))
     cloud = thinned(np.concatenate([v.points for v in together]))
     return Agreed(PointCloud(cloud), most.opinion.mask, first.opinion.score)
-
-
-def gap(a: np.ndarray, b: np.ndarray) -> float:
-    """Smallest distance [m] between two clouds, on an even sample of each."""
-    a, b = (points[:: len(points) // AGREEMENT_POINTS + 1] for points in (a, b))
-    return float(np.linalg.norm(a[:, None] - b[None], axis=2).min())
-
-
-def thinned(points: np.ndarray) -> np.ndarray:
-    """The first point of every occupied grid cell."""
-    _, first = np.unique(np.floor(points / GRID).astype(np.int64), axis=0, return_index=True)
-    return points[np.sort(first)]

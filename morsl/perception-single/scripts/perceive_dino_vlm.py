@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from gap_cli.contracts.failures import PerceptionError
+from gap_cli.contracts.scripting import cloud_gap, named_index, numbered_question, thinned
 from gap_cli.contracts.tool import ScriptContext
 from gap_cli.contracts.types import WORLD, CameraObservation, Detection, Mask, PointCloud
-
-AGREEMENT_POINTS = 400  # per cloud; enough to tell clouds centimetres apart, few enough for all pairs
-GRID = 0.002  # m: one point is kept per cell; finer than the depth, coarse enough for the noise filter to be quick
 
 
 class Perceived(NamedTuple):
@@ -74,18 +71,12 @@ def select(
     """The one detection that shows the object: the only one, or the one the vision-language model names."""
     if len(detections) <= 1:
         return detections[0] if detections else None
-    rows = [
-        f"{number}: [{d.box.x_min:.0f}, {d.box.y_min:.0f}, {d.box.x_max:.0f}, {d.box.y_max:.0f}]"
-        for number, d in enumerate(detections, 1)
-    ]
-    question = prompt.replace("{object_name}", object_name).replace("{boxes}", "\n".join(rows))
-    answer = ctx.tool("vlm.Query", prompt=question, image=camera.rgb).text.strip().lower()
-    number = re.fullmatch(r"(?:box |number )?(\d+)\W*", answer)
-    if number is not None and 1 <= int(number[1]) <= len(detections):
-        return detections[int(number[1]) - 1]
-    if answer.startswith("none"):
+    question = numbered_question(prompt, object_name, [d.box for d in detections])
+    answer = ctx.tool("vlm.Query", prompt=question, image=camera.rgb).text
+    named = named_index(answer, len(detections))
+    if named is None and answer.strip().lower().startswith("none"):
         return None
-    return detections[0]  # it could not say: the detector's own order decides
+    return detections[named or 0]  # where it could not say, the detector's own order decides
 
 
 def lift(ctx: ScriptContext, camera: CameraObservation, detection: Detection) -> View | None:
@@ -107,19 +98,7 @@ def lift(ctx: ScriptContext, camera: CameraObservation, detection: Detection) ->
 def merge(views: list[View], agree_within: float) -> Perceived:
     """The best view, joined by every other whose cloud touches it."""
     first = max(views, key=lambda v: v.score)
-    together = [first, *(v for v in views if v is not first and gap(v.points, first.points) <= agree_within)]
+    together = [first, *(v for v in views if v is not first and cloud_gap(v.points, first.points) <= agree_within)]
     most = max(together, key=lambda v: len(v.points))
     cloud = thinned(np.concatenate([v.points for v in together]))
     return Perceived(True, PointCloud(cloud), most.mask, first.score)
-
-
-def thinned(points: np.ndarray) -> np.ndarray:
-    """The first point of every occupied grid cell."""
-    _, first = np.unique(np.floor(points / GRID).astype(np.int64), axis=0, return_index=True)
-    return points[np.sort(first)]
-
-
-def gap(a: np.ndarray, b: np.ndarray) -> float:
-    """Smallest distance [m] between two clouds, on an even sample of each."""
-    a, b = (points[:: len(points) // AGREEMENT_POINTS + 1] for points in (a, b))
-    return float(np.linalg.norm(a[:, None] - b[None], axis=2).min())

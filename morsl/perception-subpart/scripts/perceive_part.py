@@ -7,10 +7,9 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from gap_cli.contracts.failures import PerceptionError
+from gap_cli.contracts.scripting import cloud_gap
 from gap_cli.contracts.tool import ScriptContext
 from gap_cli.contracts.types import WORLD, BoundingBox2D, CameraObservation, Image, Mask, PointCloud
-
-AGREEMENT_POINTS = 400  # per cloud; enough to tell clouds millimetres apart, few enough for all pairs
 
 
 class Part(NamedTuple):
@@ -58,7 +57,7 @@ def run(
     if not views:
         raise PerceptionError("not_found", f"The {parent_prompt} is seen, but not its part {subpart_prompt!r}.")
     best = max(views, key=lambda v: v.score)
-    together = [best, *(v for v in views if v is not best and gap(v.points, best.points) <= agree_within)]
+    together = [best, *(v for v in views if v is not best and cloud_gap(v.points, best.points) <= agree_within)]
     return Part(PointCloud(np.concatenate([v.points for v in together])), best.mask, best.score)
 
 
@@ -90,9 +89,3 @@ def crop(box: BoundingBox2D, shape: tuple[int, int], margin: float) -> tuple[sli
     top, bottom = max(0, int(box.y_min - dy)), min(shape[0], int(np.ceil(box.y_max + dy)))
     left, right = max(0, int(box.x_min - dx)), min(shape[1], int(np.ceil(box.x_max + dx)))
     return slice(top, max(bottom, top + 1)), slice(left, max(right, left + 1))
-
-
-def gap(a: np.ndarray, b: np.ndarray) -> float:
-    """Smallest distance [m] between two clouds, on an even sample of each."""
-    a, b = (points[:: len(points) // AGREEMENT_POINTS + 1] for points in (a, b))
-    return float(np.linalg.norm(a[:, None] - b[None], axis=2).min())

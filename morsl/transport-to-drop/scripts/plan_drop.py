@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from gap_cli.contracts.failures import PlanningError
 from gap_cli.contracts.robot import RobotSpec
+from gap_cli.contracts.scripting import beside_way, points_around
 from gap_cli.contracts.tool import ScriptContext
 from gap_cli.contracts.types import WORLD, OrientedBoundingBox, Quaternion, Se3Pose, Vec3, WorldConfig
 
@@ -57,7 +58,7 @@ def run(
     """Plan the drop. Raises `PlanningError` (`does_not_fit`, `unreachable`)."""
     spec = ctx.robot()
     held = held_corners(target_obb, ee_pose_at_grasp)
-    seen = beside_hand(points_of(world), ee_pose_at_grasp, spec)
+    seen = beside_hand(points_around(world), ee_pose_at_grasp, spec)
     inner = container_obb.extent.array[:2] - rim_width
     low = spec.gripper.finger_size[2]
     for turned in orientations(container_obb, target_obb, ee_pose_at_grasp, held, inner):
@@ -153,9 +154,7 @@ def choose_spot(
 def highest_between(points: np.ndarray, a: np.ndarray, b: np.ndarray, spec: RobotSpec, corners: np.ndarray) -> float:
     """Height [m] of the highest point beside the straight way from a to b; minus infinity when there is none."""
     aside = float(np.linalg.norm(corners[:, :2], axis=1).max()) + spec.gripper.finger_size[0]
-    way = b - a
-    t = np.clip((points[:, :2] - a) @ way / max(float(way @ way), 1e-9), 0, 1)
-    near = np.linalg.norm(points[:, :2] - (a + t[:, None] * way), axis=1) < aside
+    near = beside_way(points, a, b) < aside
     return float(points[near, 2].max()) if near.any() else -np.inf
 
 
@@ -163,12 +162,6 @@ def footprint(container: OrientedBoundingBox, corners: np.ndarray) -> np.ndarray
     """Distances of the corners from their middle along the container's horizontal axes, shape (8, 2) [m]."""
     local = corners @ axes(container)[:, :2]
     return np.abs(local - (local.max(axis=0) + local.min(axis=0)) / 2)
-
-
-def points_of(world: WorldConfig) -> np.ndarray:
-    """Points (N, 3) [m] of everything seen but the held object; supports have none."""
-    clouds = [o.points for o in world.obstacles if o.points is not None and o.name != "target"]
-    return np.concatenate([np.zeros((0, 3)), *clouds])
 
 
 def beside_hand(points: np.ndarray, grasp: Se3Pose, spec: RobotSpec) -> np.ndarray:
