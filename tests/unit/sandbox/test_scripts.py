@@ -257,7 +257,6 @@ def test_where_the_kernel_cannot_filter_nothing_runs_unless_told_so(tmp_path):
         assert jail.run(path, {}, lambda name, inputs: None, 5.0) == 1
 
 
-
 PANDA = load_registry().robots["panda"].value()
 
 
