@@ -1,4 +1,4 @@
-"""Perception tools served by learned networks and by endpoints: provider `hf` of the names `gap_perception` embeds."""
+"""Learned networks, endpoints and research packages: provider `hf` of names that other plugins serve embedded."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from gap_cli.hookspecs import Register, hookimpl
 
 @hookimpl
 def gap_register_tools(register: Register) -> None:
-    from gap_hf import detect, graspgen, graspnet, m2t2, molmo, segment, tracker, vlm
+    from gap_hf import curobo, detect, graspgen, graspnet, m2t2, molmo, segment, tracker, vlm
 
-    for module in (detect, segment, tracker, molmo, vlm, graspgen, graspnet, m2t2):
+    for module in (detect, segment, tracker, molmo, vlm, graspgen, graspnet, m2t2, curobo):
         for tool in module.TOOLS:
             register(tool)

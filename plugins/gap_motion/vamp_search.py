@@ -13,9 +13,10 @@ from gap_motion.body import Part
 from gap_motion.checker import Checker
 from gap_motion.edges import Edges
 from gap_motion.failures import joint_range
+from gap_motion.primitives import Primitives
 from gap_motion.situation import Situation
 from gap_motion.vamp_arm import EMBEDDED, VampArm, floats, library, vamp_arm
-from gap_motion.vamp_scene import VampScene
+from gap_motion.vamp_scene import environment
 
 ITERATIONS = 50_000  # of RRTConnect, and vertices of its trees
 IMPROVING = 2_000  # of AORRTC in all, when the path is to be improved
@@ -95,14 +96,14 @@ class VampSearch:
 
     def _world(self, arm: VampArm, checker: Checker, stands: list[Array], margin: float) -> Any:
         """VAMP's scene, which gives way to its model where the arm may certainly stand."""
-        scene = VampScene.of(checker)
+        scene = Primitives.of(checker)
         scene.clear(arm.spheres(stands[0])[arm.fixed], margin, aside=0.0)
         for q in stands:
             scene.clear(arm.spheres(q)[~arm.fixed], margin)
             if self.held:
                 scene.clear(self._held_at(checker, q), margin)
         vamp = library()
-        out = scene.environment(vamp, margin)
+        out = environment(scene, vamp, margin)
         if self.held:
             out.attach(self._attachment(vamp, arm))
         return out

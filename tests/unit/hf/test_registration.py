@@ -14,6 +14,7 @@ SERVED = {
     "sam3.SegmentPoint", "sam3.SegmentBox", "sam3_tracker.InitTracker", "sam3_tracker.UpdateTracker",
     "sam3_tracker.CloseTracker", "molmo.PointPrompt", "molmo.Query", "molmo.QueryYesNo", "vlm.Query", "vlm.QueryYesNo",
     "graspgen.PlanFromPointCloud", "graspnet.PlanFromDepth", "graspnet.PlanFromPointCloud", "m2t2.PlanFromPointCloud",
+    "curobo.PlanToGraspPoses", "curobo.PlanToPose",
 }  # fmt: skip
 
 
@@ -42,10 +43,10 @@ def test_it_serves_when_chosen_and_only_then(registry):
 
 
 def test_registering_loads_none_of_the_libraries():
-    heavy = ("torch", "transformers", "httpx2", "zmq", "cv2", "PIL")
+    heavy = ("torch", "transformers", "httpx2", "zmq", "cv2", "PIL", "ompl", "mujoco")
     code = (
         "import sys\nfrom gap_cli.plugins import load_registry\n"
-        "registry = load_registry(('gap_perception', 'gap_grasps', 'gap_hf'), entry_points=False)\n"
+        "registry = load_registry(('gap_perception', 'gap_grasps', 'gap_motion', 'gap_hf'), entry_points=False)\n"
         f"print(registry.broken, [m for m in {heavy!r} if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -9,9 +9,10 @@ from scipy.spatial.transform import Rotation
 from gap_motion.edges import Edges
 from gap_motion.kinematics import chain
 from gap_motion.planner import plan
+from gap_motion.primitives import Box, Primitives
 from gap_motion.problems import cage, free_space
 from gap_motion.vamp_arm import installed, library, vamp_arm
-from gap_motion.vamp_scene import Box, VampScene
+from gap_motion.vamp_scene import environment
 from gap_motion.vamp_search import VampSearch
 from tests.unit.motion import vamp_like
 from tests.unit.motion.conftest import REGISTRY, random_joints
@@ -38,8 +39,8 @@ def test_it_reads_a_scene_as_its_stand_in_of_these_tests_does():
     arm = vamp_arm(chain(PANDA))
     turn = Rotation.from_euler("xyz", [0.4, -0.7, 1.1]).as_matrix()
     boxes = [Box(np.array([0.4, 0.2, 0.5]), turn, np.array([0.2, 0.15, 0.05]))]
-    scene = VampScene(boxes, np.array([[-0.3, 0.2, 0.7, 0.1]]))
-    theirs, ours = (scene.environment(module, 0.01) for module in (library(), vamp_like))
+    scene = Primitives(boxes, np.array([[-0.3, 0.2, 0.7, 0.1]]))
+    theirs, ours = (environment(scene, module, 0.01) for module in (library(), vamp_like))
     alone = library().Environment()
     q = [row for row in random_joints(PANDA, 400) if arm.module.validate(row.tolist(), alone)]
     touched = [ours.touches(arm.spheres(row)) for row in q]

@@ -13,7 +13,8 @@ from gap_motion.body import STATIC, make_body
 from gap_motion.checker import Checker
 from gap_motion.kinematics import chain, sphere_centers
 from gap_motion.obstacles import Field, make_scene, with_spheres
-from gap_motion.vamp_scene import Box, VampScene, euler_xyz, solid_boxes, yielding
+from gap_motion.primitives import Box, Primitives, solid_boxes, yielding
+from gap_motion.vamp_scene import environment, euler_xyz
 from tests.unit.motion import vamp_like
 from tests.unit.motion.conftest import BASE, REGISTRY, random_joints
 
@@ -55,7 +56,7 @@ def test_what_touches_the_scene_touches_vamps_whatever_the_base_and_the_turn_of_
     checker = checker_in(config)
     checker.scene = with_spheres(checker.scene, ["ball"], np.array([[-0.5, -0.3, 0.6]]), np.array([0.15]))
     checker.__post_init__()
-    world = VampScene.of(checker).environment(vamp_like, 0.0)
+    world = environment(Primitives.of(checker), vamp_like, 0.0)
     everything = frozenset(range(len(checker.body.parts)))
     q = random_joints(PANDA, 300)
     ours = [bool(checker.penetrations(row, everything)) for row in q]
@@ -75,7 +76,7 @@ def test_everything_is_grown_by_the_margin():
     checker = checker_in(WorldConfig((obstacle("box", (0, 0, 1), (0.1, 0.2, 0.3)),)))
     checker.scene = with_spheres(checker.scene, ["ball"], np.array([[1.0, 0.0, 0.0]]), np.array([0.15]))
     checker.scene = replace(checker.scene, rounding=np.array([0.01, 0.15]))
-    world = VampScene.of(checker).environment(vamp_like, 0.02)
+    world = environment(Primitives.of(checker), vamp_like, 0.02)
     np.testing.assert_allclose(world.cuboids[0].half, [0.13, 0.23, 0.33])
     assert world.spheres[0].r == pytest.approx(0.17)
 
@@ -126,8 +127,8 @@ def test_nothing_grown_touches_what_it_gave_way_to():
     )
     checker = checker_in(WorldConfig((near, deep)))
     checker.scene = with_spheres(checker.scene, ["ball"], np.array([[-0.3, 0.2, 0.4]]), np.array([0.3]))
-    scene = VampScene.of(checker)
-    assert scene.environment(vamp_like, 0.01).touches(moving_spheres(q))
+    scene = Primitives.of(checker)
+    assert environment(scene, vamp_like, 0.01).touches(moving_spheres(q))
     scene.clear(moving_spheres(q), 0.01)
-    world = scene.environment(vamp_like, 0.01)
+    world = environment(scene, vamp_like, 0.01)
     assert len(world.cuboids) > 2 and len(world.spheres) == 1 and not world.touches(moving_spheres(q))
