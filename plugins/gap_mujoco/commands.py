@@ -64,14 +64,6 @@ def finish(drive: Drive) -> None:
         return
     while not motion.done:
         drive.physics.step()
-    report(drive)
-
-
-def report(drive: Drive) -> None:
-    """Raise the failure of a motion that was started and is over, once; nobody asks for one that was told to stop."""
-    motion = drive.motion
-    if motion is None or not motion.done:
-        return
     drive.motion = None
     if motion.failure is None or motion.stopped():
         return
@@ -82,3 +74,10 @@ def report(drive: Drive) -> None:
         hint="The command that says so has not begun.",
         detail={**error.detail, "started_s": round(motion.begun, 3)},
     ) from error
+
+
+def report(drive: Drive) -> None:
+    """Raise the failure of a motion that was started, if it has one by now, once the arm is at rest."""
+    motion = drive.motion
+    if motion is not None and motion.failure and not motion.stopped():
+        finish(drive)

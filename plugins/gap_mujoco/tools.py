@@ -127,6 +127,7 @@ def move_to_joints(
     from gap_mujoco.joint_move import joint_move
 
     arm = ctx.world.arms[0]
+    arm.finish()
     trajectory = joint_move(arm.spec, arm.state().joints.positions, target_joints.positions)
     if trajectory.duration > max_steps * STEP:
         need = int(trajectory.duration / STEP) + 1

@@ -150,3 +150,16 @@ def test_a_replacement_goes_on_from_the_motion_under_way(world):
     world._physics.observers.clear()
     assert np.abs(np.diff(speeds, axis=0)).max() < 0.03 and np.allclose(speeds[0], now.velocities, atol=0.03)
     assert np.allclose(arm.state().joints.positions, onward[-1], atol=2e-3)
+
+
+def test_a_failure_that_is_known_is_told_even_before_the_arm_is_at_rest(world, move_to, reach_to):
+    arm = world.arms[0]
+    move_to(world, [-0.3, 0.12, 0.10])
+    arm.start(joint_move(arm.spec, arm.state().joints.positions, reach_to(world, np.array([-0.3, 0.12, -0.10]))))
+    motion = world._drives[0].motion
+    while not motion.failure:
+        world.wait(0.002)
+    assert not motion.done
+    with pytest.raises(MotionError, match="contact"):
+        arm.set_gripper(0.0)
+    assert arm.state().gripper.width > 0.079 and np.abs(arm.state().joints.velocities).max() < 0.1
