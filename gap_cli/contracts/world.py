@@ -64,8 +64,8 @@ class Arm(Protocol):
         """Track a joint trajectory that starts at the current positions; done when within `tolerance` [rad] of its end.
 
         The whole command is refused (`MotionError` code `refused`) where it is not finite, does not start where the
-        arm is, or leaves the robot's limits. Codes while moving: `tracking`, `contact`, `stalled`, `stopped`. The arm is
-        at rest when one is raised, and after a contact no longer presses on what it met.
+        arm is, or leaves the robot's limits. Codes while moving: `tracking`, `contact`, `stalled`, `stopped`; the arm
+        is at rest when one is raised, and after a contact no longer presses on what it met.
         """
 
     def start(self, trajectory: Trajectory, *, tolerance: float = 0.01, replace: bool = False) -> None:
