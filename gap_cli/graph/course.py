@@ -59,9 +59,7 @@ class Course:
         self._due = Due(graph.nodes)
         self._due.reach(graph.entries)
         self._values: dict[str, tuple[int, Any]] = {}
-        self._observations = Observations(
-            services.world, graph.workflow.meta.get("observation_stream_hz", ""), graph.dry, services.state
-        )
+        self._observations = Observations(services, graph.workflow.meta.get("observation_stream_hz", ""), graph.dry)
 
     @property
     def has_due(self) -> bool:
@@ -167,15 +165,17 @@ class Course:
         else:
             self.leave(frame, value, failed=False)
 
-    def _drop(self, frame: Frame, value: str, outputs: dict[str, Any], *, failed: bool) -> None:
+    def _drop(self, frame: Frame, value: str, outputs: dict[str, Any], *, failed: bool, stopped: bool = False) -> None:
+        """Forget the frame. One that was `stopped` by what happened beside it has not ended by any exit."""
         streamers = stop_streaming(self.services, frame)
         del self.frames[frame.top]
         if frame.subgraph.tolerant:
             return
-        self.outcome.exits.append((frame.name, value))
+        if not stopped:
+            self.outcome.exits.append((frame.name, value))
         for attempt in streamers:
             self.emitter.attempt_ended(attempt)
-        self.emitter.emit("subgraph_exited", frame.name, exit=value, failed=failed, outputs=outputs)
+        self.emitter.emit("subgraph_exited", frame.name, exit=value, failed=failed, stopped=stopped, outputs=outputs)
 
     def _produce(self, node: TopNode, name: str, value: Any) -> None:
         producer = self._values.get(name, (node.index, None))[0]
@@ -191,7 +191,7 @@ class Course:
     def _end(self, node: TopNode) -> None:
         self.outcome.end, self.outcome.status = node.name, node.status or "success"
         for frame in self.in_order():
-            self._drop(frame, frame.subgraph.on_error, {}, failed=True)
+            self._drop(frame, frame.subgraph.on_error, {}, failed=True, stopped=True)
         self._recover(node)
 
     def _recover(self, node: TopNode) -> None:

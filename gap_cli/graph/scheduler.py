@@ -14,7 +14,7 @@ from gap_cli.graph.frame import Frame
 from gap_cli.graph.pool import Pool
 from gap_cli.graph.safety import stop_arms
 from gap_cli.graph.streaming import start_streaming
-from gap_cli.graph.superstep import Abandoned, ParallelStep, SuperStep
+from gap_cli.graph.superstep import SIBLING, Abandoned, ParallelStep, SuperStep
 
 FATAL = (PrivilegedReadError, SimulationDivergedError)
 
@@ -159,7 +159,8 @@ class Scheduler:
         return [s for f in self.course.frames.values() for s in f.streamers if s.error is not None]
 
     def _leave_failed(self, failed: list[Attempt]) -> None:
-        """Route each frame with a failure to its `on_error`; a recovery only moves on."""
+        """Route each frame with a failure of its own to its `on_error`; a recovery only moves on. One that was stopped
+        by a failure beside it is dropped with the end that this leads to."""
         course = self.course
         by_frame: dict[int, list[Attempt]] = {}
         for attempt in failed:
@@ -173,6 +174,8 @@ class Scheduler:
         if fatal is not None:
             course.fail(fatal)
             return
+        failed_itself = {top for top, found in by_frame.items() if any(a.cancelled != SIBLING for a in found)}
+        ending = any(course.frames[top].ends_run for top in failed_itself if top in course.frames)
         for top, attempts in sorted(by_frame.items()):
             frame = course.frames.get(top)
             if frame is None:
@@ -180,5 +183,5 @@ class Scheduler:
             if frame.subgraph.tolerant:
                 for attempt in attempts:
                     frame.due.reach(attempt.node.successors)
-            elif self.stopping is None:
+            elif self.stopping is None and (top in failed_itself or not ending):
                 course.leave(frame, frame.subgraph.on_error, failed=True)

@@ -71,7 +71,7 @@ class Watch:
 
     def _exit(self, event: Event) -> None:
         subgraph = self._tops.get(event.path)
-        if subgraph is None:
+        if subgraph is None or event.data.get("stopped"):  # by a failure beside it: neither kept nor broken
             return
         name = str(event.data.get("exit", ""))
         points = {p.name: self._checkpoint(p) for p in self._checkpoints.get(subgraph.ref, ())}

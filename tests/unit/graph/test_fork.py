@@ -104,6 +104,15 @@ def test_a_failure_in_one_branch_ends_the_run_at_once():
     assert "z" not in result.visits
 
 
+def test_what_a_failure_beside_it_stopped_has_no_exit():
+    for lockstep in (True, False):
+        seen = []
+        result = run_fake(fork([FAIL], ["fake.Spin"]), observers=[seen.append], lockstep=lockstep)
+        assert result.exits == [("a", "failed")] and result.failed_node == "a/a0"
+        stopped = [e.path for e in seen if e.kind == "subgraph_exited" and e.data["stopped"]]
+        assert stopped == ["b"]
+
+
 def test_a_rescued_branch_joins_like_any_other():
     parts = {"a": [FAIL], "again": [NOTHING], "b": [NOTHING] * 4, "z": [NOTHING]}
     edges = [["START", "a"], ["START", "b"], ["a", "z"], ["again", "z"], ["b", "z"], ["z", "end"]]
