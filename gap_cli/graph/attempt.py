@@ -43,6 +43,7 @@ class Attempt:
     started = ended = cancelled_at = world_wall_s = 0.0
     deadline = world_deadline = math.inf
     cancelled = tool = ""
+    apart = False  # looks at the world by itself, which therefore cannot wait for it
     closing = False  # frees what it holds; it may look on until it is abandoned
     state = RUNNING
     value: Any = None
@@ -107,6 +108,11 @@ class Attempt:
                 f"{self.node.path} did not stop when told to ({self.cancelled}); it was abandoned."
             )
         return True
+
+    @property
+    def keeps_pace(self) -> bool:
+        """True while the world may wait for this streaming node."""
+        return self.state is RUNNING and not self.cancelled and not self.apart
 
     @property
     def stopped(self) -> bool:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from gap_cli.contracts.failures import BadRequestError, UnknownNameError
 from gap_cli.graph.compiled import UNSET, Reader
 from gap_cli.graph.refs import STREAM, Reference, is_reference, references, walk
+from gap_cli.graph.streams import Feed
 from gap_cli.graph.values import isolated
 
 if TYPE_CHECKING:
@@ -116,6 +117,6 @@ def _stream(index: int, reference: Reference, where: str) -> Reader:
 def _observations(live: bool) -> Reader:
     def read(frame: Frame, attempt: Attempt | None) -> Any:
         stream = frame.observations()
-        return stream if live else stream.latest(attempt)
+        return Feed(stream, attempt) if live and attempt is not None else stream.latest(attempt)
 
     return read

@@ -79,6 +79,7 @@ class Services:
     shared: SharedStore
     patience: float
     record_calls: bool
+    lockstep: bool = False
     state: dict[str, Any] = field(default_factory=dict)
     leases: Leases = field(default_factory=Leases)
     settling: threading.Lock = field(default_factory=threading.Lock)
@@ -98,6 +99,7 @@ class NodeContext:
         """The cell, as far as this node may touch it. Raises `ToolError` code `no_world` in a run without one."""
         if self._services.world is None:
             raise ToolError("no_world", "This run has no world.", hint="Run it with one, or with --dry.")
+        self._attempt.apart = True
         if self._world is None:
             self._world = GuardedWorld(self._services.world, self._attempt, self._services.leases)
         return self._world

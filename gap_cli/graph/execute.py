@@ -37,8 +37,8 @@ class RunSetup:
                        deadline itself. Default: 1 for a world with `real_time = True` and for none, else 20, because
                        a simulator on a busy machine is slow without the robot being late.
     grace_s            how long a node that was told to stop may take before its thread is abandoned.
-    lockstep           let siblings before a failed node (in order) finish, so that the reported failure never depends
-                       on timing; what rehearsals need.
+    lockstep           let siblings before a failed node (in order) finish, and world time wait for streaming nodes, so
+                       that neither failures nor what is published depend on timing; what rehearsals need.
     checkpoints        evaluates a subgraph's `validate` checkpoints at its exit; needed where the workflow's meta
                        says validate_checkpoints.
     heartbeat          called about 50 times a second while the run is supervised, for a watchdog outside.
@@ -107,7 +107,7 @@ def run_graph(graph: CompiledGraph, setup: RunSetup, observers: Sequence[Observe
     emitter = Emitter(observers, world)
     services = Services(
         graph.callees, world, setup.task, setup.robots or _robots(world), setup.seed, setup.script_runner,
-        setup.shared, _patience(setup), record_calls=bool(observers),
+        setup.shared, _patience(setup), record_calls=bool(observers), lockstep=setup.lockstep,
     )  # fmt: skip
     checkpoints = setup.checkpoints if _enforces_checkpoints(graph) else None
     course = Course(graph, services, emitter, checkpoints)

@@ -6,24 +6,25 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator
 from time import monotonic
-from typing import Any
 
 from gap_cli.contracts.failures import CancelledError, ToolError
 from gap_cli.contracts.privilege import enter_node, leave_node
 from gap_cli.contracts.tool import OBSERVED
 from gap_cli.contracts.typeref import TypeRef
-from gap_cli.contracts.world import World, WorldFrame
+from gap_cli.contracts.world import WorldFrame
 from gap_cli.graph.attempt import Attempt
 from gap_cli.graph.compiled import Callee
 from gap_cli.graph.context import NodeContext, Services, claim
 from gap_cli.graph.frame import Frame
 from gap_cli.graph.perform import inputs_of
-from gap_cli.graph.streams import Stream
+from gap_cli.graph.streams import Feed, Stream
 from gap_cli.graph.synthesize import synthesize
 
 ENDING_S = 1.0
 DEFAULT_HZ = 10.0
 KEPT = 4
+FIRST_S = 60.0  # of wall time it waits for what a streaming node publishes first, and
+READERS_S = 60.0  # of wall time a rehearsal's world waits for a streaming node
 
 
 class Observations:
@@ -32,8 +33,9 @@ class Observations:
     What was taken last is kept in the episode's `state`, for tools that are handed only an image of it.
     """
 
-    def __init__(self, world: World | None, hz: str, dry: bool, state: dict[str, Any]) -> None:
-        self._world, self._hz, self._dry, self._state = world, float(hz or DEFAULT_HZ), dry, state
+    def __init__(self, services: Services, hz: str, dry: bool) -> None:
+        self._world, self._hz, self._dry, self._state = services.world, float(hz or DEFAULT_HZ), dry, services.state
+        self._waiting_s = READERS_S if services.lockstep else 0.0
         self._lock = threading.Lock()
         self._stream: Stream | None = None
         self._unsubscribe: Callable[[], None] = lambda: None
@@ -50,10 +52,15 @@ class Observations:
                     stream.publish(synthesize(TypeRef("Observation")))
                     return stream
                 self._unsubscribe = self._world.subscribe(
-                    lambda f: _offer(stream, f), self._hz, self._world.camera_names
+                    lambda f: self._offer(stream, f), self._hz, self._world.camera_names
                 )
                 stream.publish(self._world.observe())
             return self._stream
+
+    def _offer(self, stream: Stream, frame: WorldFrame) -> None:
+        if not stream.closed:
+            stream.publish(frame.observation)
+            stream.wait_for_readers(self._waiting_s)
 
     def close(self) -> None:
         """Unsubscribe. Idempotent."""
@@ -64,7 +71,7 @@ class Observations:
 
 
 def start_streaming(services: Services, attempt: Attempt, on_error: Callable[[Attempt], None]) -> None:
-    """Spawn a streaming node; its frame ends it."""
+    """Spawn a streaming node; its frame ends it. In lockstep it has published, or ended, before anything else runs."""
     frame, node = attempt.frame, attempt.node
     stream = Stream(node.path)
     frame.streams[node.index] = stream
@@ -73,6 +80,8 @@ def start_streaming(services: Services, attempt: Attempt, on_error: Callable[[At
     threading.Thread(
         target=_stream_node, args=(services, attempt, stream, on_error), name=f"gap-{node.path}", daemon=True
     ).start()
+    if services.lockstep:
+        stream.wait_for_first(FIRST_S)
 
 
 def stop_streaming(services: Services, frame: Frame) -> list[Attempt]:
@@ -88,11 +97,6 @@ def stop_streaming(services: Services, frame: Frame) -> list[Attempt]:
         attempt.abandon(services.settling)
         services.leases.release(attempt)
     return streamers
-
-
-def _offer(stream: Stream, frame: WorldFrame) -> None:
-    if not stream.closed:
-        stream.publish(frame.observation)
 
 
 def _stream_node(services: Services, attempt: Attempt, stream: Stream, on_error: Callable[[Attempt], None]) -> None:
@@ -115,6 +119,7 @@ def _stream_node(services: Services, attempt: Attempt, stream: Stream, on_error:
 
 def _produce(services: Services, attempt: Attempt, callee: Callee, stream: Stream) -> None:
     """Run the callee: it publishes by itself, yields items, or returns one item per call and is called again."""
+    news: Feed | None = None
     while True:
         kwargs = inputs_of(attempt, callee)
         claim(services, attempt, callee, kwargs)
@@ -130,14 +135,9 @@ def _produce(services: Services, attempt: Attempt, callee: Callee, stream: Strea
         if result is None:
             return
         context.publish(result)
-        _wait_for_news(services, attempt)
-
-
-def _wait_for_news(services: Services, attempt: Attempt) -> None:
-    """Until the world has shown something new; a node that is polled would only repeat itself before."""
-    if services.world is None:
-        attempt.finished.wait(1.0 / DEFAULT_HZ)
-        attempt.check()
-        return
-    source = attempt.frame.observations()
-    source.after(source.count, attempt)
+        if services.world is None:
+            attempt.finished.wait(1.0 / DEFAULT_HZ)
+            attempt.check()
+            continue
+        news = news or Feed(attempt.frame.observations(), attempt, attempt.frame.observations().count)
+        news.next()  # a node that is polled would only repeat itself before the world has shown something new

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from threading import Condition
+from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from gap_cli.contracts.failures import CancelledError, ToolError
@@ -27,6 +28,8 @@ class Stream:
         self._value: Any = UNSET
         self._count = 0
         self._closed = False
+        self._waiting: set[Attempt] = set()
+        self._at_work: set[Attempt] = set()
 
     @property
     def count(self) -> int:
@@ -45,7 +48,42 @@ class Stream:
                 raise CancelledError(f"{self.name} published after its end.")
             self._value = value
             self._count += 1
+            self._at_work |= self._waiting
             self._changed.notify_all()
+
+    def following(self, seen: int, attempt: Attempt) -> tuple[int, Any] | None:
+        """The newest value once more than `seen` items were published, with their number; None after the end.
+
+        Until it asks again, the node counts as being at work on the value.
+        """
+        with self._changed:
+            self._at_work.discard(attempt)
+            self._waiting.add(attempt)
+            self._changed.notify_all()
+            try:
+                while self._count <= seen:
+                    attempt.check()
+                    if self._closed:
+                        return None
+                    self._changed.wait(POLL_S)
+            finally:
+                self._waiting.discard(attempt)
+            self._at_work.add(attempt)
+            found = self._count, self._value
+        self._taken(found[1])
+        return found
+
+    def wait_for_first(self, longest_s: float) -> None:
+        """Until something was published or nothing will be."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._count > 0 or self._closed, longest_s)
+
+    def wait_for_readers(self, longest_s: float) -> None:
+        """Until no node is at work on a value it took; those that were told to stop, or look at the world, apart."""
+        limit = monotonic() + longest_s
+        with self._changed:
+            while not self._closed and monotonic() < limit and any(a.keeps_pace for a in self._at_work):
+                self._changed.wait(POLL_S)
 
     def close(self) -> None:
         """No more items. Idempotent."""
@@ -74,4 +112,23 @@ class Stream:
                 self._changed.wait(POLL_S)
             value = self._value
         self._taken(value)
+        return value
+
+
+class Feed:
+    """One node's place in a stream: what `in.observation_stream` is to a script."""
+
+    def __init__(self, stream: Stream, attempt: Attempt, seen: int = 0) -> None:
+        self._stream, self._attempt, self._seen = stream, attempt, seen
+
+    def next(self) -> Any:
+        """The newest value that was not taken before, waited for; None once the stream has ended.
+
+        In a rehearsal world time stands still from here to the next call, so that what is made of a value never depends
+        on how fast the machine is. Raises `CancelledError` when the node was told to stop.
+        """
+        found = self._stream.following(self._seen, self._attempt)
+        if found is None:
+            return None
+        self._seen, value = found
         return value

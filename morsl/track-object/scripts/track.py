@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any, NamedTuple
@@ -10,8 +9,6 @@ from typing import Any, NamedTuple
 from gap_cli.contracts.failures import CancelledError, PerceptionError
 from gap_cli.contracts.tool import ScriptContext
 from gap_cli.contracts.types import BoundingBox2D, Mask, Observation
-
-POLL_S = 0.01  # how often to look for a new frame
 
 
 class Snapshot(NamedTuple):
@@ -27,19 +24,14 @@ class Snapshot(NamedTuple):
 
 def run(ctx: ScriptContext, observation_stream: Any, object_name: str, camera_index: int = 0) -> Iterator[Snapshot]:
     """Track `object_name` until the stream or the node ends. Raises `PerceptionError` (`not_found`, `no_camera`)."""
-    seen, frame = observation_stream.count, observation_stream.latest()
+    frame = observation_stream.next()
     image = picture(frame, camera_index)
     started = ctx.tool("sam3_tracker.InitTracker", image=image, text=object_name, object_name=object_name)
     try:
         if not started.object_present:
             raise PerceptionError("not_found", f"The first frame does not show the {object_name}.")
         yield Snapshot(started.initial_mask, started.initial_box, started.score, True, camera_index, frame.stamp)
-        while not observation_stream.closed:
-            ctx.raise_if_cancelled()
-            if observation_stream.count == seen:
-                time.sleep(POLL_S)
-                continue
-            seen, frame = observation_stream.count, observation_stream.latest()
+        while (frame := observation_stream.next()) is not None:
             image = picture(frame, camera_index)
             now = ctx.tool("sam3_tracker.UpdateTracker", tracker_id=started.tracker_id, image=image)
             yield Snapshot(now.mask, now.box, now.confidence, now.object_present, camera_index, frame.stamp)

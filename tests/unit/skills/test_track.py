@@ -22,15 +22,16 @@ BOX = BoundingBox2D(0, 0, 2, 2)
 MASK = Mask(np.ones((4, 6), bool))
 
 
-class Stream:
-    """As many frames as the test gives; then closed."""
+class Feed:
+    """The newest of the frames that came since the last was taken; none after the last."""
 
     def __init__(self, frames):
-        self.frames, self.count, self.closed = frames, 1, False
+        self.frames, self.skip = list(frames), 0
 
-    def latest(self):
-        frame = self.frames[self.count - 1]
-        return frame
+    def next(self):
+        del self.frames[: self.skip]
+        self.skip = 0
+        return self.frames.pop(0) if self.frames else None
 
 
 def frame(stamp, cameras=2):
@@ -59,30 +60,24 @@ def called(made):
 
 
 def test_every_new_frame_gives_one_snapshot():
-    stream, made = Stream([frame(0.0), frame(0.1), frame(0.2)]), stage()
-    tracking = run(made, stream, "can")
-    snapshots = [next(tracking)]
-    for _ in range(2):
-        stream.count += 1
-        snapshots.append(next(tracking))
-    stream.closed = True
-    assert list(tracking) == []
+    made = stage()
+    snapshots = list(run(made, Feed([frame(0.0), frame(0.1), frame(0.2)]), "can"))
     assert [s.stamp for s in snapshots] == [0.0, 0.1, 0.2]
     assert [round(s.confidence, 2) for s in snapshots] == [0.9, 0.01, 0.02]
     assert called(made) == ["InitTracker", "UpdateTracker", "UpdateTracker", "CloseTracker"]
 
 
 def test_frames_that_came_meanwhile_are_skipped():
-    stream = Stream([frame(0.1 * i) for i in range(5)])
-    tracking = run(stage(), stream, "can")
+    feed = Feed([frame(0.1 * i) for i in range(5)])
+    tracking = run(stage(), feed, "can")
     next(tracking)
-    stream.count = 5
+    feed.skip = 3
     assert next(tracking).stamp == pytest.approx(0.4)
 
 
 def test_a_tracker_is_closed_when_its_reader_goes_away():
     made = stage()
-    tracking = run(made, Stream([frame(0.0)]), "can")
+    tracking = run(made, Feed([frame(0.0)]), "can")
     next(tracking)
     tracking.close()
     assert called(made)[-1] == "CloseTracker"
@@ -91,13 +86,13 @@ def test_a_tracker_is_closed_when_its_reader_goes_away():
 def test_an_object_the_first_frame_does_not_show_is_not_found():
     made = stage(present=False)
     with pytest.raises(PerceptionError, match="does not show the can"):
-        next(run(made, Stream([frame(0.0)]), "can"))
+        next(run(made, Feed([frame(0.0)]), "can"))
     assert called(made)[-1] == "CloseTracker"
 
 
 def test_a_camera_that_is_not_there_is_named():
     with pytest.raises(PerceptionError, match="no camera 3; the observation has 2"):
-        next(run(stage(), Stream([frame(0.0)]), "can", camera_index=3))
+        next(run(stage(), Feed([frame(0.0)]), "can", camera_index=3))
 
 
 class Started(NamedTuple):
