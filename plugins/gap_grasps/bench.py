@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from gap_cli.contracts.cell import Cell
 from gap_cli.contracts.privilege import node_scope
 from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.task import Task
 from gap_cli.contracts.tool import Tool
-from gap_cli.contracts.types import Mask, Quaternion, Se3Pose, Vec3
-from gap_cli.contracts.world import World
-from gap_grasps.bench_objects import Subject, bench_task, place, subjects
+from gap_cli.contracts.types import Mask
+from gap_cli.contracts.world import Instance, World
+from gap_grasps.bench_draws import drawn_evenly, pool_of
+from gap_grasps.bench_objects import Subject, bench_task, place, rest, subjects
 from gap_grasps.bench_sight import cloud_of, handle_of, pixels
-from gap_grasps.bench_try import GENERATORS, Cell, Ranked, Seen, attempt, by_graspgen
+from gap_grasps.bench_try import GENERATORS, Ranked, Seen, attempt, execute, in_reach
+from gap_grasps.pose_error import DECLARED
 
 LIFTED = 0.10  # m a held object must have risen
-MISPLACED, TURNED_DEG = 0.008, 8.0  # standard deviations [m] and [deg] of the hand's error while scores are calibrated
-BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)  # of scores, for calibration
 WRIST = "wrist"
 MakeWorld = Callable[[Task, str, Mapping[str, RobotSpec]], World]
+Rank = Callable[[Cell, Seen], Ranked]
 
 
 def grasp_rows(
@@ -35,13 +35,13 @@ def grasp_rows(
     *,
     names: Iterable[str] | None = None,
     generators: Iterable[str] = tuple(GENERATORS),
-    calibrate: bool = False,
+    draws: int = 0,
+    pool: Rank = pool_of,
 ) -> Iterator[dict[str, Any]]:
-    """One row per object, seed and generator: what was chosen, and whether it came up and stayed in the hand.
+    """Per object and seed: one row per generator, its best grasp executed, then up to `draws` rows of drawn grasps.
 
-    `names` (default all) and `generators` choose what is measured. With `calibrate` grasps of any score are executed
-    instead of the best, drawn evenly over the range of the scores, and the hand misses its place: what a score is worth
-    shows where something can go wrong (Mahler et al. 2017 call it robustness).
+    `names` (default all) and `generators` choose what is measured. Drawn grasps come from `pool`, evenly over the range
+    of its scores, and the hand misses them by the declared error; their rows have "generator" `DRAWN`.
     """
     everything, seeds = bench_task(task), tuple(seeds)
     for subject in subjects(everything):
@@ -50,23 +50,54 @@ def grasp_rows(
         world = make_world(everything, subject.model, robots)
         try:
             for seed in seeds:
-                for generator in generators:
-                    yield _episode(Cell(world, everything, robots, tools, seed), subject, generator, calibrate)
+                scene = _Scene(Cell(world, everything, robots, tools, seed), subject)
+                yield from scene.best(generators)
+                yield from scene.drawn(draws, pool)
         finally:
             world.close()
 
 
-def _episode(cell: Cell, subject: Subject, generator: str, calibrate: bool) -> dict[str, Any]:
-    cell.world.reset(place(cell.task, subject.model, cell.seed))
-    with node_scope("bench/grasp"):
-        seen = look(cell, handle_only=subject.handle_only)
-        if calibrate:
-            row = attempt(cell, seen, GENERATORS[generator], _evenly(cell.seed), _misplaced(cell.seed))
-        else:
-            row = attempt(cell, seen, GENERATORS[generator], lambda ranked: ranked)
-    truth = cell.world.snapshot().body(subject.model)
-    row |= {"lifted": truth.lifted(), "success": truth.lifted() > LIFTED and truth.is_grasped()}
-    return {"object": subject.name, "seed": cell.seed, "generator": generator, **row}
+DRAWN = "drawn"
+
+
+class _Scene:
+    """One object in one place: seen once, tried many times, each time from the same start."""
+
+    def __init__(self, cell: Cell, subject: Subject) -> None:
+        self._cell, self._subject = cell, subject
+        self._start: Instance = place(cell.task, subject.model, cell.seed)
+        self._about = {"object": subject.name, "seed": cell.seed, "rest": rest(cell.task, subject.model, cell.seed)}
+        cell.world.reset(self._start)
+        with node_scope("bench/look"):
+            self._seen = look(cell, handle_only=subject.handle_only)
+
+    def best(self, generators: Iterable[str]) -> Iterator[dict[str, Any]]:
+        """What each generator thinks best."""
+        for generator in generators:
+            self._cell.world.reset(self._start)
+            with node_scope("bench/grasp"):
+                row = attempt(self._cell, self._seen, GENERATORS[generator])
+            yield {**self._about, "generator": generator, **row, **self._judged()}
+
+    def drawn(self, count: int, pool: Rank) -> Iterator[dict[str, Any]]:
+        """Grasps of any score, by a hand that misses its place."""
+        if not count:
+            return
+        rng = np.random.default_rng([self._cell.seed, 1])
+        with node_scope("bench/grasp"):
+            ranked = pool(self._cell, self._seen)
+            reachable = drawn_evenly(ranked, count, rng, lambda pose: in_reach(self._cell, pose, self._seen.scene))
+        for pose, score in reachable:
+            self._cell.world.reset(self._start)
+            with node_scope("bench/grasp"):
+                reason = execute(self._cell, DECLARED.drawn(pose, rng))
+            row = {"score": score, "pose": pose, "reason": reason, "ms": None}
+            row |= {"cell": self._cell, "seen": self._seen}
+            yield {**self._about, "generator": DRAWN, **row, **self._judged()}
+
+    def _judged(self) -> dict[str, Any]:
+        truth = self._cell.world.snapshot().body(self._subject.model)
+        return {"lifted": truth.lifted(), "success": truth.lifted() > LIFTED and truth.is_grasped()}
 
 
 def look(cell: Cell, *, handle_only: bool = False) -> Seen:
@@ -82,54 +113,3 @@ def look(cell: Cell, *, handle_only: bool = False) -> Seen:
         target = scene[part]
         mask[mask] = np.split(part, np.cumsum([len(c) for c in clouds])[:-1])[wrist]
     return Seen(target, scene, observed.cameras[wrist], Mask(mask))
-
-
-def _evenly(seed: int) -> Callable[[Ranked], Ranked]:
-    """A score is drawn first, then the grasps come in the order of their distance from it."""
-
-    def pick(ranked: Ranked) -> Ranked:
-        wanted = np.random.default_rng(seed).uniform(0, max((s for _, s in ranked), default=1.0))
-        return sorted(ranked, key=lambda item: abs(item[1] - wanted))
-
-    return pick
-
-
-def _misplaced(seed: int) -> Callable[[Se3Pose], Se3Pose]:
-    """What a badly calibrated cell does: the hand arrives beside where it should, and turned."""
-    rng = np.random.default_rng([seed, 1])
-    x, y = rng.normal(0, MISPLACED, 2)
-    turn = Rotation.from_euler("z", rng.normal(0, TURNED_DEG), degrees=True)
-
-    def displace(pose: Se3Pose) -> Se3Pose:
-        return Se3Pose(
-            Vec3.of(pose.position.array + np.array([x, y, 0.0])), Quaternion.of(turn * pose.rotation.rotation)
-        )
-
-    return displace
-
-
-def rates(rows: Iterable[Mapping[str, Any]], *by: str) -> list[dict[str, Any]]:
-    """Success rate with its Wilson 95 % interval for each combination of the columns `by`."""
-    from scipy.stats import binomtest
-
-    groups: dict[tuple[Any, ...], list[bool]] = {}
-    for row in rows:
-        groups.setdefault(tuple(row[key] for key in by), []).append(bool(row["success"]))
-    out = []
-    for key, won in groups.items():
-        interval = binomtest(sum(won), len(won)).proportion_ci(method="wilson")
-        rate = {"n": len(won), "success": sum(won) / len(won), "low": float(interval.low), "high": float(interval.high)}
-        out.append(dict(zip(by, key, strict=True)) | rate)
-    return out
-
-
-def calibration(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Success by score bin, of the rows in which a grasp was executed."""
-    scored = [r for r in rows if r["score"] is not None]
-    inner = np.array(BINS[1:-1])
-    labels = [f"{a:.1f}-{b:.1f}" for a, b in pairwise(BINS)]
-    binned = [{**r, "score_bin": labels[int(np.digitize(r["score"], inner))]} for r in scored]
-    return sorted(rates(binned, "score_bin"), key=lambda row: row["score_bin"])
-
-
-__all__ = ["by_graspgen", "calibration", "grasp_rows", "look", "rates"]

@@ -48,7 +48,11 @@ EXTRAS = {
 }
 REGION = ((-0.22, -0.22), (0.10, 0.22))  # m: where objects are put, corner to corner; both cameras and the arm reach it
 HANDLE = "frypan_handle"  # the frying pan again, of which only the handle may be taken
-LYING = ((90, 0, 0), (0, 90, 0), (-90, 0, 0), (0, -90, 0))  # degrees: what a box rests on besides its base
+LYING = {  # degrees about x, y, z: what a shape rests on besides its base
+    "box": ((90, 0, 0), (0, 90, 0), (-90, 0, 0), (0, -90, 0)),
+    "cylinder": ((90, 0, 0),),
+}
+STANDS, LIES = "standing", "lying"
 GROUND = "floor"
 
 
@@ -74,16 +78,22 @@ def subjects(task: Task) -> tuple[Subject, ...]:
     return (*(Subject(name, name) for name in task.objects), Subject(HANDLE, "frypan", handle_only=True))
 
 
+def rest(task: Task, name: str, seed: int) -> str:
+    """How the object rests: with even seeds it stands; with odd ones it lies, if it can."""
+    return LIES if seed % 2 and task.objects[name].shape.kind in LYING else STANDS
+
+
 def place(task: Task, name: str, seed: int) -> Instance:
-    """The object alone, anywhere in the region, at any yaw; a box stands or lies, half and half."""
+    """The object alone, anywhere in the region, at any yaw, standing or lying on any of its sides as `rest` says."""
     rng = np.random.default_rng([seed, *name.encode()])
     shape, floor = task.objects[name].shape, task.environment.supports[GROUND].z
     low, high = np.array(REGION)
     xy, yaw = rng.uniform(low, high), rng.uniform(-180, 180)
-    rest = Rotation.identity()
-    if shape.kind == "box" and rng.random() < 0.5:
-        rest = Rotation.from_euler("xyz", LYING[rng.integers(len(LYING))], degrees=True)
-    R = Rotation.from_euler("z", yaw, degrees=True) * rest
+    side = Rotation.identity()
+    if rest(task, name, seed) == LIES:
+        sides = LYING[shape.kind]
+        side = Rotation.from_euler("xyz", sides[rng.integers(len(sides))], degrees=True)
+    R = Rotation.from_euler("z", yaw, degrees=True) * side
     pose = Se3Pose(Vec3(float(xy[0]), float(xy[1]), floor + height(shape.size, R) / 2), Quaternion.of(R))
     return Instance(seed, name, {name: pose})
 

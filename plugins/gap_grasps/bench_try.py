@@ -4,24 +4,28 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from gap_cli.contracts.cell import Cell
 from gap_cli.contracts.failures import ToolError
-from gap_cli.contracts.robot import RobotSpec
-from gap_cli.contracts.task import Task
-from gap_cli.contracts.tool import Tool
 from gap_cli.contracts.types import Array, CameraObservation, JointState, Mask, PointCloud, Quaternion, Se3Pose, Vec3
-from gap_cli.contracts.world import World
 from gap_grasps.clearance import STRAY
 
 APPROACH = 0.10  # m of straight approach
+OVER = 0.30  # m of height from which nothing on the floor is in the way
 SPEED = 0.25  # m/s of the approach: at 1 m/s a leaning arm overshoots by several millimetres
 LIFT = 0.15  # m
 HOLD = 1.0  # s
+SHAKE = (0.04, -0.04)  # m to the sides, one after the other, as fast as the arm's limits allow up to 1 m/s
+OUT_OF_REACH = tuple(
+    f"{step}: {code}" for step in ("approach", "lift") for code in ("unreachable", "no_path", "limits")
+)
+OFF_STOPS = 0.02  # rad: where a joint is this near to its stop, the arm refuses motions that overshoot a little
 ONE_BRANCH = 1.0  # rad a joint may turn while lifting; more means another branch of the inverse kinematics
 TRIED = 24  # grasps asked for reach before the generator is given up
 HALF_TURN = Quaternion(0.0, 0.0, 0.0, 1.0).rotation  # about z: the jaws exchanged
@@ -35,36 +39,6 @@ class Seen:
     scene: Array
     wrist: CameraObservation
     mask: Mask
-
-
-@dataclass
-class Cell:
-    """A tool context over one world; `tool` calls a registered tool."""
-
-    world: World
-    task: Task
-    robots: Mapping[str, RobotSpec]
-    tools: Mapping[str, Tool]
-    seed: int = 0
-    state: dict[str, Any] = field(default_factory=dict)
-    made: dict[str, Any] = field(default_factory=dict)
-
-    def robot(self, arm_id: int = 0) -> RobotSpec:
-        """The spec of one arm."""
-        return self.robots[self.task.robots[arm_id].model]
-
-    def shared(self, key: str, make: Callable[[], Any]) -> Any:
-        """Made once."""
-        if key not in self.made:
-            self.made[key] = make()
-        return self.made[key]
-
-    def raise_if_cancelled(self) -> None:
-        """Nobody cancels a measurement."""
-
-    def tool(self, name: str, /, **inputs: Any) -> Any:
-        """Call a tool by its catalogue name."""
-        return self.tools[name](self, **inputs)
 
 
 Ranked = list[tuple[Se3Pose, float]]
@@ -94,7 +68,8 @@ def by_graspnet(cell: Cell, seen: Seen) -> Ranked:
         "graspnet.PlanFromDepth", depth=camera.depth, intrinsics=camera.intrinsics, segmentation=seen.mask
     )
     T = camera.pose.matrix
-    return [(Se3Pose.of(T @ p.matrix), s) for p, s in zip(found.grasp_poses, found.scores, strict=True)]
+    ranked = zip(found.grasp_poses[:TRIED], found.scores[:TRIED], strict=True)
+    return [(Se3Pose.of(T @ pose.matrix), score) for pose, score in ranked]
 
 
 def by_box(cell: Cell, seen: Seen) -> Ranked:
@@ -115,14 +90,8 @@ GENERATORS: dict[str, Generator] = {
 }
 
 
-def attempt(
-    cell: Cell,
-    seen: Seen,
-    generate: Generator,
-    pick: Callable[[Ranked], Ranked],
-    displace: Callable[[Se3Pose], Se3Pose] = lambda pose: pose,
-) -> dict[str, Any]:
-    """Plan, choose, execute where `displace` puts it. `reason` is empty where every motion was carried out."""
+def attempt(cell: Cell, seen: Seen, generate: Generator) -> dict[str, Any]:
+    """Plan, take the best grasp that is in reach, execute it. `reason` is empty where every motion was carried out."""
     row: dict[str, Any] = {"grasps": 0, "rank": None, "score": None, "ms": None, "reason": ""}
     started = time.process_time()
     try:
@@ -130,10 +99,10 @@ def attempt(
     except ToolError as error:
         return row | {"reason": error.code}
     row |= {"grasps": len(ranked), "ms": 1e3 * (time.process_time() - started)}
-    for rank, (pose, score) in enumerate(pick(ranked)[:TRIED]):
+    for rank, (pose, score) in enumerate(ranked[:TRIED]):
         reachable = in_reach(cell, pose, seen.scene)
         if reachable is not None:
-            return row | {"rank": rank, "score": score, "pose": reachable, "reason": execute(cell, displace(reachable))}
+            return row | {"rank": rank, "score": score, "pose": reachable, "reason": execute(cell, reachable)}
     return row | {"reason": "unreachable" if ranked else "no_grasp"}
 
 
@@ -141,6 +110,7 @@ def in_reach(cell: Cell, pose: Se3Pose, scene: Array) -> Se3Pose | None:
     """The grasp, or the one with the jaws exchanged, if the arm can approach, take and lift so, clear of the scene."""
     for turned in (pose, Se3Pose(pose.position, Quaternion.of(pose.rotation.rotation * HALF_TURN))):
         try:
+            down = cell.tool("pyroki.PlanLinear", start_pose=high_up(turned), end_pose=backed_off(turned)).trajectory
             way = cell.tool("pyroki.PlanLinear", start_pose=backed_off(turned), end_pose=turned).trajectory
             cell.tool("pyroki.PlanLinear", start_pose=turned, end_pose=lifted(turned))
             taken = JointState(way.positions[-1])
@@ -148,11 +118,20 @@ def in_reach(cell: Cell, pose: Se3Pose, scene: Array) -> Se3Pose | None:
         except ToolError:
             continue
         on_one_branch = np.abs(up.positions - taken.positions).max() < ONE_BRANCH
-        if on_one_branch and all(
-            _arm_is_clear(cell, way.positions[i], scene) for i in (0, len(way.positions) // 2, -1)
+        moves = np.concatenate([down.positions, way.positions, up.positions[None]])
+        if (
+            on_one_branch
+            and _within_limits(cell, moves)
+            and all(_arm_is_clear(cell, way.positions[i], scene) for i in (0, len(way.positions) // 2, -1))
         ):
             return turned
     return None
+
+
+def _within_limits(cell: Cell, positions: Array) -> bool:
+    """Do the joints (N, dof) stay off their stops?"""
+    low, high = np.array([(j.lower, j.upper) for j in cell.robot().limits]).T
+    return bool(((positions >= low + OFF_STOPS) & (positions <= high - OFF_STOPS)).all())
 
 
 def _arm_is_clear(cell: Cell, joints: Array, scene: Array) -> bool:
@@ -169,22 +148,44 @@ def _arm_is_clear(cell: Cell, joints: Array, scene: Array) -> bool:
 
 
 def execute(cell: Cell, pose: Se3Pose) -> str:
-    """Approach, close, lift and hold. The code of the error that ended it early, or ''."""
-    try:
-        cell.tool("gripper.Open")
-        cell.tool("robot_control.GoToPose", pose=backed_off(pose))
-        cell.tool("robot_control.GoToPoseCartesian", pose=pose, lin_vel_norm=SPEED)
-        cell.tool("gripper.Close")
-        cell.tool("robot_control.GoToPoseCartesian", pose=lifted(pose))
-        cell.world.wait(HOLD)
-    except ToolError as error:
-        return error.code
+    """Approach, close, lift, hold and shake. '' or what ended it early: its step and the error's code."""
+    up = lifted(pose)
+    aside = [Se3Pose(Vec3.of(up.position.array + np.array([0.0, y, 0.0])), up.rotation) for y in SHAKE]
+    steps: list[tuple[str, Callable[[], Any]]] = [
+        ("way", lambda: cell.tool("gripper.Open")),
+        ("way", lambda: cell.tool("robot_control.GoToPose", pose=high_up(pose))),
+        ("way", lambda: cell.tool("robot_control.GoToPoseCartesian", pose=backed_off(pose))),
+        ("approach", lambda: cell.tool("robot_control.GoToPoseCartesian", pose=pose, lin_vel_norm=SPEED)),
+        ("close", lambda: cell.tool("gripper.Close")),
+        ("lift", lambda: cell.tool("robot_control.GoToPoseCartesian", pose=up)),
+        ("hold", lambda: cell.world.wait(HOLD)),
+        *(("shake", partial(cell.tool, "robot_control.GoToPoseCartesian", pose=p)) for p in (*aside, up)),
+        ("hold", lambda: cell.world.wait(HOLD / 2)),
+    ]
+    for step, do in steps:
+        try:
+            do()
+        except ToolError as error:
+            if step != "shake":  # what cannot be shaken so far out is still held or not
+                return f"{step}: {error.code}"
     return ""
+
+
+def was_tried(row: Mapping[str, Any]) -> bool:
+    """Did the hand get as far as the grasp? What stops an arm on its way says nothing about the grasp."""
+    reason = row["reason"]
+    return row["score"] is not None and not reason.startswith("way") and reason not in OUT_OF_REACH
 
 
 def backed_off(pose: Se3Pose) -> Se3Pose:
     """Where the straight approach begins."""
     return Se3Pose(Vec3.of(pose.position.array - APPROACH * pose.matrix[:3, 2]), pose.rotation)
+
+
+def high_up(pose: Se3Pose) -> Se3Pose:
+    """Above where the straight approach begins: joints that turn freely must not sweep the object away."""
+    back = backed_off(pose).position
+    return Se3Pose(Vec3(back.x, back.y, max(back.z, OVER)), pose.rotation)
 
 
 def lifted(pose: Se3Pose) -> Se3Pose:

@@ -9,13 +9,14 @@ from scipy.spatial import cKDTree
 
 from gap_cli.contracts.robot import GripperSpec, RobotSpec
 from gap_cli.contracts.types import Array
+from gap_grasps.nearby import nearby
 
 SUPPORT_GAP = 0.003  # m the hand stays above the support
 FINGER_GAP = 0.0015  # m the fingers stay away from points, and
 PALM_GAP = 0.002  # m the palm does: half a pixel's error
 SHADOW = 0.06  # m of straight approach on which the fingers must be free
+COARSELY = 5  # every which point is looked at first
 STRAY = 2  # points in the hand's way that are no obstacle: noise puts some anywhere
-BATCH = 64  # poses looked at together
 
 
 class Hand(NamedTuple):
@@ -42,40 +43,40 @@ def clear_of(points: Array, T_tcp: Array, hand: Hand) -> Array:
     """True for each pose (K,) whose open fingers, on their way in, and palm meet at most `STRAY` points (N, 3)."""
     if not len(points) or not len(T_tcp):
         return np.ones(len(T_tcp), dtype=bool)
-    free = _palm_is_free(points, T_tcp, hand)
-    half_y, half_x, half_z = hand.gripper.finger_size
-    inner = hand.gripper.max_width / 2
-    outer, back = inner + 2 * half_y, hand.gripper.finger_depth + half_z + SHADOW
-    for start in range(0, len(T_tcp), BATCH):
-        local = local_to(points, T_tcp[start : start + BATCH])
-        y, z = np.abs(local[..., 1]), local[..., 2]
-        inside = (y >= inner - FINGER_GAP) & (y <= outer + FINGER_GAP) & (z <= half_z + FINGER_GAP) & (z >= -back)
-        inside &= np.abs(local[..., 0]) <= half_x + FINGER_GAP
-        free[start : start + BATCH] &= np.count_nonzero(inside, axis=1) <= STRAY
+    free = np.ones(len(T_tcp), dtype=bool)
+    # What meets too many of a few points need not be held against all of them.
+    for part in (points[::COARSELY], points):
+        free[free] = _fingers_meet(part, T_tcp[free], hand) <= STRAY
+    free[free] = palm_room(points, T_tcp[free], hand, at_most=2 * PALM_GAP) >= PALM_GAP
     return free
 
 
-def local_to(points: Array, T_tcp: Array) -> Array:
-    """The points (N, 3) in the frame of each pose (K, 4, 4): (K, N, 3), single precision."""
-    T = T_tcp.astype(np.float32)
-    return np.asarray(
-        points.astype(np.float32) @ T[:, :3, :3] - np.einsum("ki,kij->kj", T[:, :3, 3], T[:, :3, :3])[:, None]
-    )
+def _fingers_meet(points: Array, T_tcp: Array, hand: Hand) -> Array:
+    """How many points are in the way of each pose's open fingers, (K,)."""
+    half_y, half_x, half_z = hand.gripper.finger_size
+    inner = hand.gripper.max_width / 2
+    back = hand.gripper.finger_depth + half_z + SHADOW
+    high = np.array([half_x, inner + 2 * half_y, half_z]) + FINGER_GAP
+    near = nearby(points, T_tcp, np.array([-high[0], -high[1], -back]), high)
+    met = near.pose[np.abs(near.local[:, 1]) >= inner - FINGER_GAP]
+    return np.bincount(met, minlength=len(T_tcp))
 
 
-def _palm_is_free(points: Array, T_tcp: Array, hand: Hand) -> Array:
-    if not len(hand.radii):
-        return np.ones(len(T_tcp), dtype=bool)
+def palm_room(points: Array, T_tcp: Array, hand: Hand, at_most: float) -> Array:
+    """Distance [m] between palm and points (N, 3) but for `STRAY` of them, for each pose (K,); no more than `at_most`,
+    negative where they overlap."""
+    if not len(hand.radii) or not len(points) or not len(T_tcp):
+        return np.full(len(T_tcp), at_most)
     centers = hand.centers @ T_tcp[:, :3, :3].transpose(0, 2, 1) + T_tcp[:, None, :3, 3]
     k = min(STRAY + 1, len(points))
     distance, _ = cKDTree(points).query(
-        centers.reshape(-1, 3), k=[k], distance_upper_bound=float(hand.radii.max()) + 2 * PALM_GAP
+        centers.reshape(-1, 3), k=[k], distance_upper_bound=float(hand.radii.max()) + at_most
     )
-    return np.asarray((distance.reshape(len(T_tcp), -1) >= hand.radii + PALM_GAP).all(axis=1))
+    return np.asarray(np.minimum(distance.reshape(len(T_tcp), -1) - hand.radii, at_most).min(axis=1))
 
 
-def above(floor: float, T_tcp: Array, hand: Hand) -> Array:
-    """True for each pose (K,) whose open fingertips and palm stay `SUPPORT_GAP` above a level support [m]."""
+def above(floor: float, T_tcp: Array, hand: Hand, gap: float = SUPPORT_GAP) -> Array:
+    """True for each pose (K,) whose open fingertips and palm stay `gap` [m] above a level support [m]."""
     half_y, half_x, half_z = hand.gripper.finger_size
     outer = hand.gripper.max_width / 2 + 2 * half_y
     down = -T_tcp[:, 2, :3]  # how much each axis of the TCP points down
@@ -83,4 +84,4 @@ def above(floor: float, T_tcp: Array, hand: Hand) -> Array:
     if len(hand.radii):
         spheres = T_tcp[:, 2, 3, None] - down @ hand.centers.T - hand.radii
         lowest = np.minimum(lowest, spheres.min(axis=1))
-    return np.asarray(lowest >= floor + SUPPORT_GAP)
+    return np.asarray(lowest >= floor + gap)

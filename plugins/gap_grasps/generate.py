@@ -16,8 +16,6 @@ from gap_grasps.surface import Surface, closed_surface, seen_surface, thinned
 MIN_POINTS = 30  # fewer do not show a surface
 MAX_POINTS = 6000  # more add nothing at a pad's size and cost time
 MAX_SCORED = 600  # poses that go through the collision and scoring stage
-NEARBY = 0.25  # m from the target beyond which nothing can meet the hand
-COARSE = 0.005  # m between the points of obstacles
 
 
 @dataclass(frozen=True)
@@ -64,29 +62,17 @@ def generate(
         fits = above(floor, T, hand)
         T, pair = T[fits], pair[fits]
     if len(T) > MAX_SCORED:
-        keep = np.sort(rng.choice(len(T), MAX_SCORED, replace=False))
+        upright = np.maximum(T[:, :3, 2] @ preferred, 1e-3) ** 2
+        keep = np.sort(rng.choice(len(T), MAX_SCORED, replace=False, p=upright / upright.sum()))
         T, pair = T[keep], pair[keep]
-    around = surface.points if obstacles is None else np.concatenate([surface.points, _near(obstacles, surface)])
+    around = surface.points if obstacles is None else np.concatenate([surface.points, obstacles])
     fits = clear_of(around, T, hand)
     T, pair = T[fits], pair[fits]
-    scores = score_poses(surface, T, hand.gripper) * leaning(T, preferred)
-    order = np.lexsort((np.arange(len(T)), -scores))[:count]
+    scores = score_poses(surface, T, hand, floor, obstacles)
+    # Among equals the more upright: wrist and forearm stay farther from what is grasped, and more arms reach there.
+    order = np.lexsort((np.arange(len(T)), -T[:, :3, 2] @ preferred, -scores))[:count]
     order = order[scores[order] > 0]
     return Grasps(T[order], scores[order], pairs.first[pair[order]])
-
-
-def leaning(T: Array, preferred: Array) -> Array:
-    """Factor (K,) of a score by how far the approach leans from the preferred one: cos^2, so 1/2 at 45 degrees.
-
-    The farther the hand leans, the nearer wrist and forearm come to what it grasps, and the fewer arms reach there.
-    """
-    return np.asarray(np.maximum(T[:, :3, 2] @ preferred, 0.0) ** 2)
-
-
-def _near(obstacles: Array, surface: Surface) -> Array:
-    low, high = surface.points.min(axis=0) - NEARBY, surface.points.max(axis=0) + NEARBY
-    near = obstacles[((obstacles >= low) & (obstacles <= high)).all(axis=1)]
-    return thinned(near, COARSE) if len(near) else near
 
 
 def _inliers(points: Array) -> Array:

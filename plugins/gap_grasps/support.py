@@ -7,9 +7,12 @@ from scipy.spatial import cKDTree
 
 from gap_cli.contracts.tool import ToolContext
 from gap_cli.contracts.types import Array
+from gap_grasps.surface import thinned
 
 SUPPORT_MARGIN = 0.006  # m above a support below which scene points are the support's own
 AROUND = 0.15  # m beside the target in which its support is looked for
+NEARBY = 0.25  # m from the target beyond which nothing can meet the hand
+COARSE = 0.005  # m between the points of obstacles
 TRIALS = 100  # planes through three points that are tried
 SHARE = 0.4  # of the points around that must lie on the plane
 SAMPLED = 1500  # points a plane is fitted to
@@ -34,9 +37,7 @@ def plane_around(scene: Array, target: Array, rng: np.random.Generator) -> Array
 
     Random sample consensus (Fischler and Bolles 1981) over what lies beside the target, both in the camera frame.
     """
-    low, high = target.min(axis=0) - AROUND, target.max(axis=0) + AROUND
-    beside = scene[np.isfinite(scene).all(axis=1)]
-    beside = others(beside[((beside >= low) & (beside <= high)).all(axis=1)], target, None)
+    beside = others(within(scene, target, AROUND), target, None)
     if len(beside) < 50:
         return None
     beside = beside[rng.choice(len(beside), min(SAMPLED, len(beside)), replace=False)]
@@ -58,13 +59,26 @@ def plane_around(scene: Array, target: Array, rng: np.random.Generator) -> Array
     return T
 
 
+def within(scene: Array, target: Array, distance: float) -> Array:
+    """Scene points (M, 3) in the box around the target, grown by `distance` [m]. What is not finite is nowhere."""
+    inside = np.ones(len(scene), dtype=bool)
+    for axis in range(3):
+        values = scene[:, axis]
+        inside &= (values >= target[:, axis].min() - distance) & (values <= target[:, axis].max() + distance)
+    return scene[inside]
+
+
 def others(scene: Array, target: Array, floor: float | None) -> Array:
-    """Scene points that are neither the target's nor the support's."""
+    """Scene points near the target that are neither its own nor the support's, one per `COARSE` cell, (M, 3)."""
+    target = target[np.isfinite(target).all(axis=1)]
     scene = scene[np.isfinite(scene).all(axis=1)]
     if floor is not None:
         scene = scene[scene[:, 2] > floor + SUPPORT_MARGIN]
-    target = target[np.isfinite(target).all(axis=1)]
     if not len(scene) or not len(target):
         return scene
-    distance, _ = cKDTree(target).query(scene, distance_upper_bound=SUPPORT_MARGIN)
+    scene = within(scene, target, NEARBY)
+    if not len(scene):
+        return scene
+    scene = thinned(scene, COARSE)
+    distance, _ = cKDTree(thinned(target)).query(scene, distance_upper_bound=SUPPORT_MARGIN)
     return np.asarray(scene[~np.isfinite(distance)])

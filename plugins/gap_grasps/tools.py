@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from gap_cli.contracts.failures import BadRequestError
 from gap_cli.contracts.tool import ToolContext, tool
@@ -16,13 +17,14 @@ from gap_cli.contracts.types import (
     Mask,
     Matrix3x3,
     PointCloud,
+    Quaternion,
     Se3Pose,
     Vec3,
 )
 from gap_grasps.clearance import Hand, above, clear_of
-from gap_grasps.generate import Grasps, generate, leaning, prepare
+from gap_grasps.generate import Grasps, generate, prepare
 from gap_grasps.scoring import score_poses
-from gap_grasps.support import SUPPORT_MARGIN, others, plane_around, support_below
+from gap_grasps.support import NEARBY, SUPPORT_MARGIN, others, plane_around, support_below, within
 
 DOWN = np.array([0.0, 0.0, -1.0])
 FORWARD = np.array([0.0, 0.0, 1.0])  # along the view, in the camera frame
@@ -90,7 +92,7 @@ def score_grasps(
     fits = np.ones(len(T), dtype=bool) if floor is None else above(floor, T, hand)
     fits[fits] = clear_of(surface.points, T[fits], hand)
     scores = np.zeros(len(T))
-    scores[fits] = score_poses(surface, T[fits], hand.gripper) * leaning(T[fits], DOWN)
+    scores[fits] = score_poses(surface, T[fits], hand, floor)
     return Scores([float(s) for s in scores])
 
 
@@ -172,9 +174,10 @@ def _in_camera(
 ) -> CameraGrasps:
     if instance_id != 1:
         raise BadRequestError("instance_id", f"A mask holds one instance, 1; there is no instance {instance_id}.")
-    full, target = (p[np.isfinite(p).all(axis=1)] for p in (full, target))
+    # A NaN compares false, so what is not finite goes too.
     full, target = (p[(p[:, 2] >= z_range[0]) & (p[:, 2] <= z_range[1])] for p in (full, target))
     rng = np.random.default_rng([ctx.seed, len(target)])
+    full = within(full, target, NEARBY) if len(target) else full
     T = plane_around(full, target, rng) if len(target) else None
     T_frame_camera, floor, preferred = (np.eye(4), None, FORWARD) if T is None else (T, 0.0, DOWN)
     full, target = (p @ T_frame_camera[:3, :3].T + T_frame_camera[:3, 3] for p in (full, target))
@@ -191,10 +194,13 @@ def _in_camera(
 
 def _listed(found: Grasps, top: int, threshold: float) -> tuple[list[Se3Pose], list[float], list[Vec3]]:
     keep = np.nonzero(found.scores >= threshold)[0][:top]
+    positions = found.poses[keep, :3, 3].tolist()
+    # All at once: one rotation at a time costs as much as sampling does.
+    quaternions = Rotation.from_matrix(found.poses[keep, :3, :3]).as_quat(canonical=True).tolist() if len(keep) else []
     return (
-        [Se3Pose.of(found.poses[i]) for i in keep],
-        [float(found.scores[i]) for i in keep],
-        [Vec3.of(found.contacts[i]) for i in keep],
+        [Se3Pose(Vec3(*p), Quaternion(w, x, y, z)) for p, (x, y, z, w) in zip(positions, quaternions, strict=True)],
+        found.scores[keep].tolist(),
+        [Vec3(*p) for p in found.contacts[keep].tolist()],
     )
 
 

@@ -8,10 +8,15 @@ import numpy as np
 import pytest
 
 from gap_cli.contracts.task import load_task
-from gap_grasps.bench import calibration, rates
-from gap_grasps.bench_objects import REGION, bench_task, place, subjects
-from gap_grasps.bench_run import report
+from gap_grasps.bench import DRAWN
+from gap_grasps.bench_draws import drawn_evenly
+from gap_grasps.bench_objects import LIES, REGION, STANDS, bench_task, place, rest, subjects
+from gap_grasps.bench_report import report
+from gap_grasps.bench_run import CHUNK, jobs
+from gap_grasps.bench_sheet import COLUMNS, TILE, sheet, worst
 from gap_grasps.bench_sight import handle_of
+from gap_grasps.bench_try import was_tried
+from gap_robots.panda import panda
 
 TASK = bench_task(load_task(Path(__file__).parents[2] / "tasks" / "fulfill-grocery"))
 
@@ -32,7 +37,14 @@ def test_objects_stand_or_lie_on_the_floor_within_the_region(name):
         assert (pose.position.array[:2] >= low).all() and (pose.position.array[:2] <= high).all()
         heights.add(round(pose.position.z, 6))
         assert np.abs(pose.rotation.rotation.as_matrix()[2]) @ half == pytest.approx(pose.position.z)
-    assert (len(heights) > 1) == (TASK.objects[name].shape.kind == "box")
+    assert (len(heights) > 1) == (TASK.objects[name].shape.kind in ("box", "cylinder"))
+
+
+def test_what_can_lie_does_so_half_of_the_time():
+    assert [rest(TASK, "alphabet_soup", seed) for seed in range(4)] == [STANDS, LIES, STANDS, LIES]
+    assert rest(TASK, "mug", 1) == STANDS
+    lying = place(TASK, "alphabet_soup", 1).poses["alphabet_soup"].rotation.rotation.as_matrix()
+    assert abs(lying[2, 2]) < 1e-9, "its axis is level"
 
 
 def test_the_same_seed_is_the_same_place():
@@ -48,25 +60,65 @@ def test_a_handle_is_the_thin_part_even_of_a_hollow_thing():
     assert part[len(rim) :].mean() > 0.9 and part[: len(rim)].mean() < 0.1
 
 
-def row(name, success, score=0.5, generator="graspgen"):
-    return {"object": name, "generator": generator, "success": success, "score": score, "ms": 1.0}
+def row(name, success, score=0.5, generator="graspgen", **more):
+    about = {"object": name, "generator": generator, "success": success, "score": score, "ms": 1.0}
+    return {**about, "seed": 0, "rest": STANDS, "reason": "", **more}
 
 
-def test_rates_carry_their_count_and_interval():
-    (rate,) = rates([row("milk", True), row("milk", False)], "object")
-    assert (rate["n"], rate["success"]) == (2, 0.5) and rate["low"] < 0.5 < rate["high"]
+def test_the_report_sums_groceries_and_holds_them_against_the_goal():
+    found = report([row("milk", True), row("butter", True), row("milk", False, generator="box"), row("mug", False)])
+    cells = {r[0]: r for r in found.rows}
+    assert cells["groceries"][1].startswith("1.000") and cells["groceries"][1].endswith("(2)")
+    assert cells["groceries"][-1] == ">= 0.97: met by graspgen; missed by box"
+    assert cells["mug"][1].startswith("0.000") and cells["milk"][4].startswith("0.000")
 
 
-def test_calibration_is_by_score_and_leaves_out_what_was_never_tried():
-    rows = [row("milk", False, 0.1), row("milk", True, 0.9), row("milk", True, 1.0), row("milk", False, None)]
-    assert [(b["score_bin"], b["n"], b["success"]) for b in calibration(rows)] == [
-        ("0.0-0.2", 1, 0.0),
-        ("0.8-1.0", 2, 1.0),
+def test_the_report_counts_by_score_what_came_to_the_grasp():
+    drawn = [row("milk", i >= 5, 0.05 + 0.1 * i, DRAWN, seed=i) for i in range(10)]
+    found = report([*drawn, row("milk", False, 0.95, DRAWN, reason="way: contact")])
+    (table,) = found.more
+    by_score = {r[0]: r for r in table.rows}
+    assert by_score["0.9-1.0"][1] == 1 and by_score["0.9-1.0"][4].endswith("yes")
+    assert by_score["area under the ROC curve"][3].startswith("1.000")
+    assert any("1 of 11" in note for note in found.notes)
+
+
+def test_only_what_came_to_the_grasp_was_tried():
+    assert was_tried(row("milk", False, reason="approach: contact"))
+    assert not was_tried(row("milk", False, reason="way: contact"))
+    assert not was_tried(row("milk", False, reason="approach: unreachable"))
+    assert not was_tried(row("milk", False, score=None, reason="no_grasp"))
+
+
+def test_grasps_are_drawn_over_the_whole_range_and_none_twice():
+    ranked = [(i, 0.9) for i in range(90)] + [(90 + i, 0.1 * i) for i in range(10)]
+    drawn = drawn_evenly(ranked, 40, np.random.default_rng(0), lambda pose: pose)
+    assert len({pose for pose, _ in drawn}) == len(drawn) == 40
+    assert sum(score < 0.85 for _, score in drawn) >= 8, "a tenth of the pool, but most of the range"
+    assert drawn_evenly(ranked, 3, np.random.default_rng(0), lambda pose: None) == []
+    assert drawn_evenly([], 3, np.random.default_rng(0), lambda pose: pose) == []
+
+
+def test_jobs_share_out_every_object_and_seed_once():
+    work = jobs(range(100, 100 + 2 * CHUNK + 1), ("box",), 0)
+    assert sorted((name, seed) for name, seeds, *_ in work for seed in seeds) == sorted(
+        (s.name, seed) for s in subjects(TASK) for seed in range(100, 100 + 2 * CHUNK + 1)
+    )
+
+
+def test_the_picture_shows_the_grasp_that_disappoints_most():
+    import cv2
+
+    cloud = np.random.default_rng(0).uniform(-0.03, 0.03, (50, 3))
+    shown = [
+        row(name, won, score, DRAWN, cloud=cloud, pose=np.eye(4))
+        for name, won, score in [("milk", True, 0.99), ("milk", False, 0.3), ("milk", False, 0.8), ("mug", True, 0.7)]
     ]
-
-
-def test_the_report_sums_groceries_and_shows_the_rest():
-    found = report([row("milk", True), row("butter", False), row("mug", False)], [row("milk", True)])
-    cells = {r[0]: r[1] for r in found.rows}
-    assert cells["all groceries"].startswith("0.500") and cells["mug"].startswith("0.000")
-    assert any("score 0.4-0.6" in r[0] for r in found.rows)
+    chosen = worst([*shown, row("butter", True)])
+    assert [(r["object"], r["score"]) for r in chosen] == [("milk", 0.8), ("mug", 0.7)]
+    picture = sheet(chosen, panda().gripper)
+    image = cv2.imdecode(np.frombuffer(picture.data, np.uint8), cv2.IMREAD_COLOR)
+    assert picture.suffix == ".png" and image.shape == (TILE, COLUMNS * TILE, 3)
+    tiles = [image[:, :TILE].astype(int), image[:, TILE : 2 * TILE].astype(int)]
+    reddest = [int((t[..., 2] - t[..., 1]).max()) for t in tiles]
+    assert reddest[0] > 100 > reddest[1], "failed is red"
