@@ -37,7 +37,7 @@ class BuiltWorld(NamedTuple):
     mesh_names: list[str]
 
 
-@tool("geometry_svc.BuildWorldConfig", deadline_s=20.0)
+@tool("geometry_svc.BuildWorldConfig", effect="sense", deadline_s=20.0)
 def build_world_config(
     ctx: ToolContext,
     cameras: list[CameraObservation],
@@ -51,8 +51,8 @@ def build_world_config(
 
     Points under a mask become the obstacle of that name; all others above a support are grouped where gaps exceed
     `mesh_alpha` [m] and named `obstacle_0`, ... by size; supports are boxes under their surface. Each keeps its points
-    on a `voxel_size` [m] grid. With `robot_joint_state`, points on the robot itself are left out; with `target_obb`,
-    points inside that box become the obstacle `target`.
+    on a `voxel_size` [m] grid. With `robot_joint_state`, points on the robot itself, its jaws as they are now, are left
+    out; with `target_obb`, points inside that box become the obstacle `target`.
     Raises `BadRequestError` for a camera index or mask size that does not fit, or sizes that are not positive.
     """
     if voxel_size <= 0 or mesh_alpha <= 0:
@@ -61,7 +61,7 @@ def build_world_config(
         )
     named, rest = _split(ctx, cameras, object_masks)
     if robot_joint_state is not None:
-        rest = rest[~_on_robot(ctx, rest, robot_joint_state)]
+        rest = rest[~on_robot(ctx, rest, robot_joint_state)]
     if target_obb is not None:
         inside = _inside(rest, target_obb, margin=voxel_size)
         named.setdefault("target", []).append(rest[inside])
@@ -120,11 +120,12 @@ def _above_supports(ctx: ToolContext, points: Array, free: Array) -> Array:
     return keep
 
 
-def _on_robot(ctx: ToolContext, points: Array, joints: JointState) -> Array:
+def on_robot(ctx: ToolContext, points: Array, joints: JointState) -> Array:
+    """Which of the points (N, 3) [m] are on the first arm at `joints`, its jaws as wide as they are now; shape (N,)."""
     from gap_motion.kinematics import sphere_centers
 
-    spec, base = ctx.robot(), ctx.world.arms[0].base_pose
-    centers = to_frame(sphere_centers(spec, joints.positions), base)
+    spec, arm = ctx.robot(), ctx.world.arms[0]
+    centers = to_frame(sphere_centers(spec, joints.positions, arm.state().gripper.width), arm.base_pose)
     radii = np.array([s.radius for s in spec.spheres])
     on = np.zeros(len(points), dtype=bool)
     if len(points):

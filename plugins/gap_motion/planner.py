@@ -7,6 +7,7 @@ seconds, and queries of one process take turns, because that generator is global
 from __future__ import annotations
 
 import threading
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -23,6 +24,9 @@ from gap_motion.paths import velocity_limits
 RANGE = 2.0  # rad: the longest step a tree takes
 EDGES = 2000  # edges a query may check before it gives up
 IMPROVE_EDGES = 400  # more, when the path found is to be improved
+FARTHER = (
+    1.5  # times the cheapest goal's cost: farther goals, another posture of the arm, are planned to only if need be
+)
 _TURN = threading.Lock()
 
 
@@ -64,20 +68,31 @@ def plan(
     """
     edges = Edges(checker, step)
     refuse_contact(checker, start, "The start")
-    order = np.argsort(cost(checker.chain, goals, start), kind="stable")
+    price = cost(checker.chain, goals, start)
+    order = np.argsort(price, kind="stable")
     valid = order[checker.valid(goals[order])]
     if not len(valid):
         refuse_contact(checker, goals[order[0]], "Every goal; the nearest")
     if search is not None:
         rows = search(checker, start, goals[valid], seed)
         return Path(rows, _nearest(goals, valid, rows[-1]), edges.count)
-    for goal in valid[:2]:
+    close = valid[price[valid] <= FARTHER * price[valid[0]]]
+    if len(close) < len(valid):
+        with suppress(PlanningError):  # then an arm's other postures count too
+            return _to_one_of(edges, start, goals, close, seed, improve, simplify)
+    return _to_one_of(edges, start, goals, valid, seed, improve, simplify)
+
+
+def _to_one_of(
+    edges: Edges, start: Array, goals: Array, which: Array, seed: int, improve: bool, simplify: bool
+) -> Path:
+    """Straight to one of the first two goals, or else by a search to any of `which` (K,)."""
+    for goal in which[:2]:
         if edges.free(start, goals[goal]):
             return Path(np.stack([start, goals[goal]]), int(goal), edges.count)
     with _TURN:
-        rows = _search(edges, start, goals[valid], seed, improve)
-    end = _nearest(goals, valid, rows[-1])
-    return Path(shortcut(edges, rows, seed) if simplify else rows, end, edges.count)
+        rows = _search(edges, start, goals[which], seed, improve)
+    return Path(shortcut(edges, rows, seed) if simplify else rows, _nearest(goals, which, rows[-1]), edges.count)
 
 
 def _nearest(goals: Array, which: Array, q: Array) -> int:

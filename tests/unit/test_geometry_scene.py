@@ -21,7 +21,7 @@ from gap_cli.contracts.types import (
     Se3Pose,
     Vec3,
 )
-from gap_geometry.scene import build_world_config
+from gap_geometry.scene import build_world_config, on_robot
 
 DOWN = Se3Pose(Vec3(0.0, 0.0, 1.0), Quaternion(0.0, 1.0, 0.0, 0.0))  # a camera one metre up, looking straight down
 IDENTITY = Quaternion(1.0, 0.0, 0.0, 0.0)
@@ -38,10 +38,11 @@ def camera(tall):
     )
 
 
-def context(robot=None):
+def context(robot=None, width=0.08):
     support = SimpleNamespace(z=0.0, center=(0.0, 0.0), half_size=(1.0, 1.0))
     environment = SimpleNamespace(supports={"floor": support}, workspace=((-1, -1, -0.1), (1, 1, 1)))
-    arm = SimpleNamespace(base_pose=Se3Pose(Vec3(0, 0, 0), IDENTITY))
+    jaws = SimpleNamespace(gripper=SimpleNamespace(width=width))
+    arm = SimpleNamespace(base_pose=Se3Pose(Vec3(0, 0, 0), IDENTITY), state=lambda: jaws)
     task, world = SimpleNamespace(environment=environment), SimpleNamespace(arms=[arm])
     return SimpleNamespace(task=task, world=world, robot=lambda arm_id=0: robot)
 
@@ -88,6 +89,19 @@ def test_the_robot_is_no_obstacle():
     assert "obstacle_0" in build(shown).mesh_names
     joints = JointState(np.array(robot.home))
     assert build(shown, robot=robot, robot_joint_state=joints).mesh_names == ["floor"]
+
+
+def test_the_jaws_are_left_out_where_they_are():
+    from gap_motion.kinematics import sphere_centers
+    from gap_robots import arms
+
+    for robot in arms():
+        joints = JointState(np.array(robot.home))
+        for width in (0.0, robot.gripper.max_width):
+            fingers = sphere_centers(robot, robot.home, width)[[("finger" in s.link) for s in robot.spheres]]
+            assert len(fingers) and on_robot(context(robot, width), fingers, joints).all()
+        tip = fingers[[np.argmin(fingers[:, 2])]]  # of an open finger
+        assert not on_robot(context(robot, 0.0), tip, joints).any()
 
 
 @pytest.mark.parametrize(
