@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Protocol
 
+from gap_cli.contracts.cell import Cell
 from gap_cli.contracts.failures import ToolError
 from gap_cli.contracts.privilege import node_scope
-from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.snapshot import WorldSnapshot
 from gap_cli.contracts.task import Task
-from gap_cli.contracts.tool import Tool
 from gap_cli.contracts.types import CameraObservation, Mask, OrientedBoundingBox
 from gap_cli.contracts.world import World
 from gap_perception.bench_scenes import LEVELS, Clutter, bench_task, sample_scene
@@ -22,7 +21,7 @@ from gap_perception.scene.analyse import library_of
 
 CLEAN = "clean"  # the sensor level of perfect cameras
 Found = tuple[OrientedBoundingBox, Mask]
-Perceive = Callable[["Cell", list[CameraObservation], str], Found]
+Perceive = Callable[[Cell, list[CameraObservation], str], Found]
 Masks = Mapping[str, Mapping[str, Mask]]
 
 
@@ -31,36 +30,6 @@ class BenchWorld(World, Protocol):
 
     def true_masks(self) -> Masks:
         """By camera and object. Privileged."""
-
-
-@dataclass
-class Cell:
-    """A tool context over one world, and the skill script's context too: `tool` calls a registered tool."""
-
-    world: World
-    task: Task
-    robots: Mapping[str, RobotSpec]
-    tools: Mapping[str, Tool]
-    seed: int = 0
-    state: dict[str, Any] = field(default_factory=dict)
-    made: dict[str, Any] = field(default_factory=dict)
-
-    def robot(self, arm_id: int = 0) -> RobotSpec:
-        """The spec of one arm."""
-        return self.robots[self.task.robots[arm_id].model]
-
-    def shared(self, key: str, make: Callable[[], Any]) -> Any:
-        """Made once."""
-        if key not in self.made:
-            self.made[key] = make()
-        return self.made[key]
-
-    def raise_if_cancelled(self) -> None:
-        """Nobody cancels a measurement."""
-
-    def tool(self, name: str, /, **inputs: Any) -> Any:
-        """Call a tool by its catalogue name."""
-        return self.tools[name](self, **inputs)
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from gap_cli.contracts.bench import BenchReport, Picture, Progress
+from gap_cli.contracts.cell import Cell
 from gap_cli.contracts.task import Task, load_task
 from gap_cli.contracts.tool import Tool
 from gap_cli.contracts.types import CameraObservation, Mask, OrientedBoundingBox
-from gap_perception.bench import CLEAN, Cell, Perceive, level_task, levels_of, measure
+from gap_perception.bench import CLEAN, Perceive, level_task, levels_of, measure
 from gap_perception.bench_pictures import Case, sheet, worst
 from gap_perception.bench_report import report
 

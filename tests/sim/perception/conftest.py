@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from gap_cli.contracts.cell import Cell
 from gap_cli.contracts.privilege import node_scope
 from gap_cli.contracts.task import load_task
 from gap_cli.plugins import load_registry
-from gap_perception.bench import Cell
 from gap_perception.bench_scenes import LEVELS, SCENE, bench_task, sample_scene
 
 TASK = Path(__file__).parents[3] / "tasks" / "fulfill-grocery"
