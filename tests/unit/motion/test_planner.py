@@ -5,7 +5,7 @@ from gap_cli.contracts.failures import PlanningError
 from gap_motion.edges import Edges
 from gap_motion.free_motion import to_grasps, to_joints, to_poses
 from gap_motion.planner import plan, shortcut
-from gap_motion.problems import cage, free_space, groceries
+from gap_motion.problems import cage, checker_among, free_space, groceries
 from gap_motion.verify import Judge
 
 
@@ -69,6 +69,20 @@ def test_timed_motions_are_judged_clean_by_another_checker(spec, seed):
         found = to_joints(problem.checker, problem.start, problem.goals, 0)
         verdict = Judge(spec, problem.shapes).judge(found.trajectory)
         assert verdict.clean and verdict.step < 0.05, verdict
+
+
+def test_a_near_goal_behind_something_is_preferred_to_a_far_one_in_plain_sight(spec, monkeypatch):
+    home, turn = np.array(spec.home), np.eye(spec.dof)[0]
+    near, far = home + 0.3 * turn, home + 1.8 * turn
+    free = Edges.free
+
+    def with_something_between(self, a, b):
+        return free(self, a, b) and not (np.allclose(a, home) and np.allclose(b, near))
+
+    monkeypatch.setattr(Edges, "free", with_something_between)
+    found = plan(checker_among(spec, ()), home, np.stack([far, near]))
+    assert found.goal == 1 and len(found.waypoints) > 2
+    np.testing.assert_allclose(found.waypoints[-1], near)
 
 
 def test_servos_follow_a_planned_motion_closely_and_inside_every_limit(spec):
