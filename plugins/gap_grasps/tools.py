@@ -64,8 +64,10 @@ def plan_from_point_cloud(
 ) -> WorldGrasps:
     """Sample 6-DoF grasps on an object's cloud and return the best `topk_num_grasps`.
 
-    Poses are T_world_tcp between the fingertips. A `scene_cloud` is kept clear of; scores below `grasp_threshold` are
-    dropped (-1 keeps all). Raises `PerceptionError` (`too_few_points`).
+    Poses are T_world_tcp between the fingertips; a score is the chance of success when the hand misses its place by a
+    few millimetres and degrees (see `pose_error`), whatever the arm's reach; of equals the more upright comes first.
+    A `scene_cloud` is kept clear of; scores below `grasp_threshold` are dropped (-1 keeps all).
+    Raises `PerceptionError` (`too_few_points`).
     """
     rng = np.random.default_rng([ctx.seed, len(target_cloud.points)])
     floor = support_below(ctx, target_cloud.points)
@@ -81,14 +83,18 @@ def plan_from_point_cloud(
 def score_grasps(
     ctx: ToolContext, target_cloud: Annotated[PointCloud, WORLD], candidate_poses: list[Annotated[Se3Pose, WORLD]]
 ) -> Scores:
-    """Score given grasps with the measure the sampler ranks by, so that both can be compared.
+    """Score given grasps as the sampler scores its own: the chance of success when the hand misses its place a little.
 
-    0 where the hand would overlap with the target or its support.
+    0 where the hand would overlap with the target or its support, or hold nothing. Raises `BadRequestError`
+    (`not_finite`), `PerceptionError` (`too_few_points`).
     """
+    T = np.array([p.matrix for p in candidate_poses]).reshape(-1, 4, 4)
+    if not np.isfinite(T).all():
+        which = int(np.argmin(np.isfinite(T).all(axis=(1, 2))))
+        raise BadRequestError("not_finite", f"Candidate {which} has a position that is not finite.")
     rng = np.random.default_rng([ctx.seed, len(target_cloud.points)])
     floor, hand = support_below(ctx, target_cloud.points), Hand.of(ctx.robot())
     surface = prepare(target_cloud.points, floor, rng)
-    T = np.array([p.matrix for p in candidate_poses]).reshape(-1, 4, 4)
     fits = np.ones(len(T), dtype=bool) if floor is None else above(floor, T, hand)
     fits[fits] = clear_of(surface.points, T[fits], hand)
     scores = np.zeros(len(T))

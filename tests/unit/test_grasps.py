@@ -128,3 +128,37 @@ def test_bad_requests_are_refused():
         tools.plan_from_depth.function(context(), DepthImage(np.ones((4, 4))), K, Mask(np.ones((4, 4))), 2)
     with pytest.raises(BadRequestError, match="At least one"):
         grasp(box((0.04, 0.06, 0.08)), num_grasps=0)
+
+
+EMPTY, ONE, UNKNOWN = (PointCloud(p) for p in (np.zeros((0, 3)), np.zeros((1, 3)), np.full((100, 3), np.nan)))
+
+
+@pytest.mark.parametrize("cloud", [EMPTY, ONE, UNKNOWN], ids=["empty", "one point", "NaN"])
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda c: tools.score_grasps.function(context(), c, []),
+        lambda c: tools.plan_from_clouds.function(context(), PointCloud(box((0.04, 0.06, 0.08))), c),
+        lambda c: tools.plan_from_clouds.function(context(), c, c),
+        lambda c: tools.plan_in_scene.function(context(), c),
+        lambda c: tools.plan_in_scene.function(context(), PointCloud(box((0.04, 0.06, 0.08))), c),
+    ],
+    ids=["score", "camera", "camera, nothing around", "scene", "target in a scene"],
+)
+def test_every_tool_says_when_a_cloud_shows_nothing(call, cloud):
+    with pytest.raises(PerceptionError, match="do not show a surface"):
+        call(cloud)
+
+
+def test_no_candidates_have_no_scores_and_impossible_ones_are_refused():
+    points = PointCloud(box((0.04, 0.06, 0.08)))
+    assert tools.score_grasps.function(context(), points, []).scores == []
+    with pytest.raises(BadRequestError, match="finite"):
+        tools.score_grasps.function(
+            context(), points, [Se3Pose(Vec3(float("nan"), 0.0, 0.1), Quaternion(0.0, 1.0, 0.0, 0.0))]
+        )
+
+
+def test_a_scene_with_nothing_but_nan_is_no_obstacle():
+    points = box((0.04, 0.06, 0.08))
+    assert grasp(points, scene_cloud=UNKNOWN) == grasp(points, scene_cloud=EMPTY)
