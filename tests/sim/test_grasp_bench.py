@@ -1,0 +1,25 @@
+"""One scene of the grasp benchmark in physics: seen once, tried twice, the same each time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gap_grasps.bench import DRAWN
+from gap_grasps.bench_objects import LIES
+from gap_grasps.bench_run import job_rows
+
+pytestmark = pytest.mark.sim
+SEED = 1  # a development seed, lying
+
+
+def plain(row):
+    return {k: np.asarray(v).tolist() for k, v in row.items() if k != "ms"}
+
+
+def test_a_lying_can_is_taken_and_a_seed_is_one_story():
+    job = ("alphabet_soup", range(SEED, SEED + 1), ("graspgen",), 1)
+    best, drawn = job_rows(job)
+    assert best["success"] and best["rest"] == LIES and best["rank"] is not None
+    assert drawn["generator"] == DRAWN and 0 < drawn["score"] <= 1 and drawn["pose"].shape == (4, 4)
+    assert [plain(best), plain(drawn)] == [plain(row) for row in job_rows(job)]
