@@ -80,8 +80,8 @@ def cell(spec):
     environment = SimpleNamespace(workspace=((-1.5, -1.5, -0.2), (1.5, 1.5, 1.5)))
     task = SimpleNamespace(environment=environment, robots=[SimpleNamespace(home=None)])
     context = SimpleNamespace(
-        world=SimpleNamespace(arms=[ideal], wait=lambda seconds: None), task=task, state={}, seed=0, robot=lambda arm_id=0: spec,
-        shared=lambda key, make: make(), raise_if_cancelled=lambda: None,
+        world=SimpleNamespace(arms=[ideal], wait=lambda seconds: None), task=task, state={}, seed=0,
+        robot=lambda arm_id=0: spec, shared=lambda key, make: make(), raise_if_cancelled=lambda: None,
     )  # fmt: skip
     return SimpleNamespace(
         context=context, arm=ideal, call=lambda name, **inputs: REGISTRY.tool(name)(context, **inputs)
