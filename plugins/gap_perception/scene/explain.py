@@ -9,15 +9,19 @@ import numpy as np
 
 from gap_cli.contracts.types import Array
 from gap_perception.scene.blobs import Links
+from gap_perception.scene.fit import Fit
+from gap_perception.scene.lean import lean
 from gap_perception.scene.library import Appearance
 from gap_perception.scene.match import Match, judge
-from gap_perception.scene.measured import Measured
+from gap_perception.scene.measured import EXACT, Measured
 from gap_perception.scene.propose import LYING, RAISED, STANDING, UPRIGHT, Stance, propose, sample
+from gap_perception.scene.solid import collide
 from gap_perception.scene.split import split
 from gap_perception.scene.visibility import DepthView
 
 SPECK = 12  # voxels: smaller groups are left-overs of edges, not objects
 RAISED_WHOLE = 60  # voxels an object that stands on no support must show
+LEANING_WHOLE = 150  # and one that rests on none of its sides
 WHOLE = 80  # voxels from which a group shows enough to be sure of
 GOOD = -3.0  # log-likelihood from which a match is taken without looking further
 UNKNOWN = -4.5  # log-likelihood of anything the task has no model of
@@ -47,18 +51,28 @@ def explain(library: Mapping[str, Appearance], scene: Measured, views: Sequence[
     """
     links, free = Links(scene.points), np.arange(len(scene.points))
     found: list[Instance] = []
-    for attempt in (_standing, _touching, _lying, _raised):
+    for attempt in (_standing, _touching, _lying, _raised, _leaning, _hardly):
         groups = _groups(links, free)
         claims = attempt(library, scene, groups, views)
         for instance in sorted(claims, key=lambda i: -_quality(i)):
             taken = _claim(scene, instance, free)
             judged = _judged(library, scene, Instance(taken, instance.match, instance.scores), views)
-            if judged is not None:
-                found.append(judged)
-                free = np.setdiff1d(free, taken, assume_unique=True)
+            rivals = [] if judged is None else _rivals(judged, found, scene.reach - EXACT)
+            if judged is None or any(len(r.voxels) >= len(judged.voxels) for r in rivals):
+                continue
+            found = [f for f in found if all(f is not r for r in rivals)] + [judged]
+            free = np.setdiff1d(np.concatenate([free, *(r.voxels for r in rivals)]), taken)
     found = _joined(library, scene, found, views)
     found += [Instance(group, None) for group in _groups(links, free)]
     return sorted(found, key=lambda i: -len(i.voxels))
+
+
+def _rivals(claim: Instance, found: Sequence[Instance], blur: float) -> list[Instance]:
+    """Instances of other models that are where the claim says it is: of two such, what is less seen is no body, but
+    left-overs of the other."""
+    mine = claim.match.fit if claim.match else None
+    fits = [(i, i.match.fit) for i in found if i.match is not None]
+    return [i for i, f in fits if mine and f.appearance is not mine.appearance and collide(mine, f, blur)]
 
 
 def _joined(
@@ -94,10 +108,13 @@ def identify(
     library: Mapping[str, Appearance], part: Measured, views: Sequence[DepthView], stance: Stance
 ) -> list[Match]:
     """Every plausible match for one group of points, best first."""
-    chosen = sample(part.points)
-    fits = propose(library, part, stance)
-    fits = [f for f in fits if (f.distance < part.reach).mean() >= PLAUSIBLE]
-    matches = [judge(f, part.select(chosen), views) for f in fits]
+    return _judge_all(propose(library, part, stance), part, views)
+
+
+def _judge_all(fits: Sequence[Fit], part: Measured, views: Sequence[DepthView]) -> list[Match]:
+    """The plausible among fits to a `sample` of the group, judged, best first."""
+    chosen = part.select(sample(part.points))
+    matches = [judge(f, chosen, views) for f in fits if (f.distance < part.reach).mean() >= PLAUSIBLE]
     return sorted(matches, key=lambda m: (-m.log_likelihood, m.fit.appearance.name))
 
 
@@ -127,14 +144,22 @@ def _touching(
     library: Mapping[str, Appearance], scene: Measured, groups: Sequence[Array], views: Sequence[DepthView]
 ) -> list[Instance]:
     """Objects partly hidden, and upright ones that touch each other."""
-    return _one_or_more(library, scene, groups, views, UPRIGHT)
+    return _one_or_more(library, scene, groups, views, UPRIGHT, UNKNOWN)
 
 
 def _lying(
     library: Mapping[str, Appearance], scene: Measured, groups: Sequence[Array], views: Sequence[DepthView]
 ) -> list[Instance]:
     """What has tipped over, alone or against others."""
-    return _one_or_more(library, scene, groups, views, LYING)
+    return _one_or_more(library, scene, groups, views, LYING, GOOD)
+
+
+def _hardly(
+    library: Mapping[str, Appearance], scene: Measured, groups: Sequence[Array], views: Sequence[DepthView]
+) -> list[Instance]:
+    """What else a model explains better than nothing known does, once all that is sure has been taken away."""
+    claims = [_single(library, scene, group, views, LYING) for group in groups]
+    return [c for c in claims if c is not None and _quality(c) > UNKNOWN]
 
 
 def _one_or_more(
@@ -143,11 +168,13 @@ def _one_or_more(
     groups: Sequence[Array],
     views: Sequence[DepthView],
     stance: Stance,
+    least: float,
 ) -> list[Instance]:
+    """Each group as one object, if that has a log-likelihood of at least `least`, or else as several."""
     claims = []
     for group in groups:
         single = _single(library, scene, group, views, stance)
-        if single is not None and _quality(single) > UNKNOWN:
+        if single is not None and _quality(single) > least:
             claims.append(single)
         else:
             parts = split(library, scene.select(group), views, tipped=stance.tipped)
@@ -162,6 +189,19 @@ def _raised(
     large = [g for g in groups if len(g) >= RAISED_WHOLE]
     claims = [_single(library, scene, group, views, RAISED) for group in large]
     return [c for c in claims if c is not None and _quality(c) > GOOD]
+
+
+def _leaning(
+    library: Mapping[str, Appearance], scene: Measured, groups: Sequence[Array], views: Sequence[DepthView]
+) -> list[Instance]:
+    """Objects that lean on others, at any tilt; the freest of all fits, so much must be seen and speak for them."""
+    claims = []
+    for group in (g for g in groups if len(g) >= LEANING_WHOLE):
+        part = scene.select(group)
+        matches = _judge_all(lean(library, part, views), part, views)
+        if matches and matches[0].log_likelihood > GOOD:
+            claims.append(Instance(group, matches[0], probabilities(matches, len(group))))
+    return claims
 
 
 def _single(

@@ -49,8 +49,7 @@ class Fit:
 
     def surface_distance(self, points: Array) -> Array:
         """Distance of world points (N, 3) from the model's surface, shape (N,) [m]."""
-        local = self.local(points)
-        return _distance(self.appearance, local, self.appearance.lookup(local))
+        return surface_distances(self.appearance, self.local(points))
 
 
 @cache
@@ -99,8 +98,7 @@ def fits(
         looked_at = points if i >= rounds - FINE else points[::2]
         state = state + _step(appearance, base, looked_at, state, scale, (height, sigma))
     R, t = _pose(base, state)
-    local = (points[None] - t[:, None]) @ R
-    distance = _distance(appearance, local, appearance.lookup(local))
+    distance = surface_distances(appearance, (points[None] - t[:, None]) @ R)
     return [Fit(appearance, rest, R[s], t[s], distance[s]) for s in range(len(starts))]
 
 
@@ -135,12 +133,20 @@ def _step(
     return np.asarray(np.linalg.solve(A, b[..., None])[..., 0])
 
 
-def _distance(appearance: Appearance, local: Array, index: Array) -> Array:
-    """Distance to the surface: along the normal where the nearest surface point is near, else to that point."""
+def surface_distances(appearance: Appearance, local: Array) -> Array:
+    """Distance of points (..., 3) in the object's frame from the model's surface, shape (...) [m]: along the normal
+    where the nearest surface point is near, else to that point."""
+    index = appearance.lookup(local)
     offset = local - appearance.points[index]
     normal = np.abs(_dot(appearance.normals[index], offset))
     sideways = np.sqrt(np.maximum(_dot(offset, offset) - normal**2, 0.0))
     return np.asarray(np.hypot(normal, np.maximum(sideways - 0.004, 0.0)))
+
+
+def signed_depth(appearance: Appearance, local: Array) -> Array:
+    """How far points (..., 3) in the object's frame lie behind its surface, shape (...) [m]; negative outside."""
+    index = appearance.lookup(local)
+    return -_dot(appearance.normals[index], local - appearance.points[index])
 
 
 def _dot(a: Array, b: Array) -> Array:
