@@ -47,7 +47,8 @@ NO_HITS = Hits(_NONE, _NONE, _NONE, np.zeros(0))
 class Checker:
     """One robot in one scene. `allowed[part, obstacle]` is how deep a part may go into an obstacle [m].
 
-    `checked` counts configurations, for benchmarks and budgets.
+    The TCP must stay in the `room`, two corners (2, 3) in the world [m]. `checked` counts configurations, for
+    benchmarks and budgets.
     """
 
     chain: Chain
@@ -56,6 +57,7 @@ class Checker:
     scene: Scene
     margin: float = MARGIN
     allowed: dict[tuple[int, int], float] = field(default_factory=dict)
+    room: Array | None = None
     checked: int = 0
 
     def __post_init__(self) -> None:
@@ -76,6 +78,8 @@ class Checker:
     def probe(self, q: Array) -> Array | None:
         """World positions (N, 3, columns) of the robot's spheres when all of (N, n) are free, else None; N is small."""
         points = self._place(q)
+        if self.room is not None and self._outside(points).any():
+            return None
         if any(hit.any() for _, hit in self._layout.overlaps(points)):
             return None
         return None if len(self._scene_hits(points).rows) else points
@@ -93,6 +97,9 @@ class Checker:
             at = int(first[np.argmax(hits.depths[first])])
             names = self.body.parts[hits.parts[at]].link, self.scene.names[hits.obstacles[at]]
             found.append(Contact(int(hits.rows[at]), *names, float(hits.depths[at])))
+        if self.room is not None and (outside := self._outside(points)).any():
+            at = int(np.flatnonzero(outside)[0])
+            found.append(Contact(at, "TCP", "the edge of the workspace", float(outside[at])))
         contacts = [c for c in found if c is not None]
         return min(contacts, key=lambda c: (c.index, -c.depth)) if contacts else None
 
@@ -107,13 +114,19 @@ class Checker:
         self.checked += len(q)
         return self._layout.place(self.chain, q, self._base)
 
+    def _outside(self, points: Array) -> Array:
+        """How far the TCP is outside the room [m], 0 inside; shape (N,)."""
+        assert self.room is not None
+        tcp = points[:, :, -1]
+        return np.asarray(np.maximum(np.maximum(self.room[0] - tcp, tcp - self.room[1]), 0.0).max(axis=1))
+
     def _valid(self, q: Array) -> Array:
         points = self._place(q)
         bad = np.zeros(len(points), dtype=bool)
         for _, hit in self._layout.overlaps(points):
             bad |= hit.reshape(len(points), -1).any(axis=1)
         bad[self._scene_hits(points).rows] = True
-        return ~bad
+        return ~bad if self.room is None else ~bad & (self._outside(points) == 0)
 
     def _first_self(self, points: Array) -> Contact | None:
         found = []

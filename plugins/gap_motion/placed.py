@@ -24,7 +24,7 @@ class SelfGroup(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """One column per sphere, then one per part, for all configurations: what every check works on.
+    """One column per sphere and per part, for all configurations, and a last one for the TCP: what checks work on.
 
     `blocks` are (frame, columns, homogeneous centres (4, k)); `spheres[part]` and `around[part]` are columns. `columns`
     and `radii` (P, k) are the spheres' again, in one table: shorter parts repeat theirs. `reach` (P,) [m] is a part's.
@@ -42,9 +42,10 @@ class Layout:
     owner: Array
 
     def place(self, chain: Chain, q: Array, base: Array) -> Array:
-        """World positions of all columns, shape (N, 3, count), single precision."""
+        """World positions of all columns, the TCP's last, shape (N, 3, count + 1), single precision."""
         frames = chain.frames(q.astype(np.float32), base)
-        out = np.empty((len(q), 3, self.count), dtype=np.float32)
+        out = np.empty((len(q), 3, self.count + 1), dtype=np.float32)
+        out[:, :, -1] = frames[-1, :, :3] @ chain.tcp[:, 3].astype(np.float32)
         for frame, where, centers in self.blocks:
             if frame == STATIC:
                 out[:, :, where] = (base @ centers)[:3]
@@ -55,6 +56,7 @@ class Layout:
 
     def overlaps(self, points: Array) -> Iterator[tuple[SelfGroup, Array]]:
         """For every group, which of its columns overlap, (N, A, B): |a - b|^2 = (-2a, |a|^2, 1) (b, 1, |b|^2)."""
+        points = points[:, :, : self.count]
         left, right = (np.empty((len(points), 5, self.count), dtype=np.float32) for _ in range(2))
         squares = np.einsum("nic,nic->nc", points, points)
         np.multiply(points, -2.0, out=left[:, :3])

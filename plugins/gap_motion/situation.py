@@ -19,19 +19,24 @@ from gap_motion.requests import Cell
 
 ESCAPE = 0.012  # m: contacts no deeper than this at the start are left behind rather than refused
 FINGERTIP = 0.008  # m: how close, margin included, the gripper may come to anything while it reaches for a grasp
+EDGE = 5e-4  # m the TCP may be outside the workspace; the last look at a command lets twice as much pass
 NOTHING_HELD = 1 << 30  # no part has that index
 HELD_CELL = 0.012  # m: half the size of the cells a held object is cut into, each inside one sphere
 
 
 @dataclass(eq=False)
 class Situation:
-    """A cell and its scene. Parts of `body` from `held_from` on are an object in the gripper."""
+    """A cell and its scene. Parts of `body` from `held_from` on are an object in the gripper.
+
+    The TCP stays in the `workspace`, two corners (2, 3) in the world [m], or comes back into it.
+    """
 
     cell: Cell
     body: Body
     scene: Scene
     margin: float = MARGIN
     held_from: int = NOTHING_HELD
+    workspace: Array | None = None
 
     @classmethod
     def of(
@@ -57,7 +62,8 @@ class Situation:
                 radii = np.array([s.radius for s in arm.spec.spheres])
                 names = [f"arm:{other}:{s.link}" for s in arm.spec.spheres]
                 scene = with_spheres(scene, names, centers @ T[:3, :3].T + T[:3, 3], radii)
-        return cls(cell, make_body(cell.chain, cell.arm.state().gripper.width), scene, margin)
+        body, workspace = make_body(cell.chain, cell.arm.state().gripper.width), ctx.task.environment.workspace
+        return cls(cell, body, scene, margin, workspace=np.array(workspace))
 
     def graspable(self, config: WorldConfig | None, grasps: Array) -> list[str]:
         """The obstacles of this scene that any of the TCP poses (K, 4, 4) has between the open jaws."""
@@ -77,14 +83,27 @@ class Situation:
                     allowed[part, obstacle] = np.inf
                 elif reaching:
                     allowed[part, obstacle] = min(self.margin, FINGERTIP)
-        checker = Checker(self.cell.chain, self.cell.base, self.body, self.scene, self.margin, allowed)
+        room = None if self.workspace is None else self._room(start)
+        checker = Checker(self.cell.chain, self.cell.base, self.body, self.scene, self.margin, allowed, room)
         return checker if start is None else self._leaving(checker, start)
 
     def checker_for_held(self, start: Array) -> Checker:
         """A checker that lets what is held go on touching what it touches at `start` (n,), and nothing else."""
-        checker = self.checker()
+        checker = self.checker_from(start)
         held = frozenset(range(self.held_from, len(self.body.parts)))
         return self._with(checker, checker.penetrations(start, held))
+
+    def checker_from(self, start: Array) -> Checker:
+        """A checker that allows no contact, in a room wide enough for the TCP at `start` (n,)."""
+        return replace(self.checker(), room=None if self.workspace is None else self._room(start))
+
+    def _room(self, start: Array | None) -> Array:
+        """The workspace, wide enough for the TCP at `start` (n,)."""
+        low, high = np.asarray(self.workspace)
+        if start is None:
+            return np.stack([low - EDGE, high + EDGE])
+        tcp = self.cell.tcp(start)[0, :3, 3]
+        return np.stack([np.minimum(low, tcp) - EDGE, np.maximum(high, tcp) + EDGE])
 
     def _leaving(self, checker: Checker, start: Array) -> Checker:
         touching = checker.penetrations(start, frozenset(range(len(self.body.parts))))
@@ -107,7 +126,7 @@ class Situation:
         allowed = dict(checker.allowed)
         for pair, depth in depths.items():
             allowed[pair] = allowed.get(pair, 0.0) + depth + 0.001
-        return Checker(self.cell.chain, self.cell.base, self.body, self.scene, self.margin, allowed)
+        return replace(checker, allowed=allowed)
 
     def holding(self, config: WorldConfig, name: str, q: Array) -> Situation:
         """The same, with the named obstacle held by the gripper as it is at configuration `q` (n,).

@@ -77,12 +77,13 @@ def validate_robot(
     ignore_obstacle_names: list[str] | None = None,
     arm_id: int = 0,
 ) -> Verdict:
-    """Check the points of a joint trajectory against limits, the scene, the arm itself and the other arms.
+    """Check the points of a joint trajectory against limits, workspace, the scene, the arm itself and the other arms.
 
     Raises `BadRequestError`; a trajectory in collision is told in the verdict.
     """
     situation = Situation.of(ctx, arm_id, world_config, collision_margin, ignore_obstacle_names or ())
-    return _verdict(situation, situation.checker(), trajectory)
+    start = trajectory_of(trajectory, situation.cell.spec).positions[0]
+    return _verdict(situation, situation.checker_from(start), trajectory)
 
 
 @tool("curobo.ValidateJointTrajectoryGrasped", effect="sense", deadline_s=20.0)

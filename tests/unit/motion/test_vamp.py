@@ -49,7 +49,8 @@ def sideways():
 
 def context(spec):
     """What planning asks of a tool's context: one arm, at home."""
-    return SimpleNamespace(world=SimpleNamespace(arms=[IdealArm(spec)]))
+    environment = SimpleNamespace(workspace=((-1.5, -1.5, -0.2), (1.5, 1.5, 1.5)))
+    return SimpleNamespace(world=SimpleNamespace(arms=[IdealArm(spec)]), task=SimpleNamespace(environment=environment))
 
 
 @pytest.mark.parametrize("folder, served", [("_core", SERVED), ("host", [])])
