@@ -17,7 +17,7 @@ from gap_cli.contracts.world import Instance, World
 from gap_grasps.bench_draws import drawn_evenly, pool_of
 from gap_grasps.bench_objects import Subject, bench_task, place, rest, subjects
 from gap_grasps.bench_sight import cloud_of, handle_of, pixels
-from gap_grasps.bench_try import GENERATORS, Ranked, Seen, attempt, execute, in_reach
+from gap_grasps.bench_try import GENERATORS, VOID, Ranked, Seen, attempt, execute, in_reach
 from gap_grasps.pose_error import DECLARED
 
 LIFTED = 0.10  # m a held object must have risen
@@ -77,7 +77,7 @@ class _Scene:
             self._cell.world.reset(self._start)
             with node_scope("bench/grasp"):
                 row = attempt(self._cell, self._seen, GENERATORS[generator])
-            yield {**self._about, "generator": generator, **row, **self._judged()}
+            yield {**self._about, "generator": generator, **row, **self._judged(row)}
 
     def drawn(self, count: int, pool: Rank) -> Iterator[dict[str, Any]]:
         """Grasps of any score, by a hand that misses its place."""
@@ -93,9 +93,11 @@ class _Scene:
                 reason = execute(self._cell, DECLARED.drawn(pose, rng))
             row = {"score": score, "pose": pose, "reason": reason, "ms": None}
             row |= {"cell": self._cell, "seen": self._seen}
-            yield {**self._about, "generator": DRAWN, **row, **self._judged()}
+            yield {**self._about, "generator": DRAWN, **row, **self._judged(row)}
 
-    def _judged(self) -> dict[str, Any]:
+    def _judged(self, row: Mapping[str, Any]) -> dict[str, Any]:
+        if row["reason"] == VOID:
+            return {"lifted": None, "success": False}
         truth = self._cell.world.snapshot().body(self._subject.model)
         return {"lifted": truth.lifted(), "success": truth.lifted() > LIFTED and truth.is_grasped()}
 

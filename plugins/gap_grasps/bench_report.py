@@ -11,7 +11,7 @@ import numpy as np
 from gap_cli.contracts.bench import BenchReport, Picture, Table
 from gap_grasps.bench import DRAWN
 from gap_grasps.bench_objects import EXTRAS, HANDLE, LIES, STANDS
-from gap_grasps.bench_try import GENERATORS, was_tried
+from gap_grasps.bench_try import GENERATORS, VOID, was_tried
 from gap_grasps.pose_error import DECLARED
 from gap_grasps.reliability import bins, ranking, wilson
 
@@ -29,13 +29,14 @@ def report(rows: Iterable[Row], pictures: tuple[Picture, ...] = ()) -> BenchRepo
     spent = {g: [r["ms"] for r in best if r["generator"] == g and r["ms"] is not None] for g in GENERATORS}
     notes = (
         "Success: lifted more than 0.10 m and still between both fingers after holding for 1 s and two strokes of 4 cm "
-        "to the sides, judged by the simulator's truth. A grasp that no arm motion reaches is a failure.",
+        "to the sides, judged by the simulator's truth. A grasp that no arm motion reaches is a failure, and so is "
+        f"one in whose course physics diverged: {sum(row['reason'] == VOID for row in best)} of {len(best)}.",
         "Each object alone, anywhere in reach, at any yaw; half of the groceries and boxes lie, on any side they can "
         "lie on. Wilson 95 % intervals; n in brackets. Seeds from 10000 on, used for nothing else.",
         f"By score: grasps drawn evenly over the scores, sampled ones and blind ones alike, by a hand that misses its "
         f"place by {1000 * DECLARED.position:g} mm along and {DECLARED.rotation_deg:g} degrees about each axis "
         "(standard deviations). Left out, as the arm never came to the grasp: "
-        f"{len(drawn) - len(tried)} of {len(drawn)}.",
+        f"{len(drawn) - len(tried)} of {len(drawn)}, those whose physics diverged among them.",
         "Median processor time per call, rendering left out: "
         + ", ".join(f"{g} {np.median(ms):.0f} ms" for g, ms in spent.items() if ms)
         + ".",

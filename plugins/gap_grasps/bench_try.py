@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from gap_cli.contracts.cell import Cell
-from gap_cli.contracts.failures import ToolError
+from gap_cli.contracts.failures import SimulationDivergedError, ToolError
 from gap_cli.contracts.types import Array, CameraObservation, JointState, Mask, PointCloud, Quaternion, Se3Pose, Vec3
 from gap_grasps.clearance import STRAY
 
@@ -22,6 +22,7 @@ SPEED = 0.25  # m/s of the approach: at 1 m/s a leaning arm overshoots by severa
 LIFT = 0.15  # m
 HOLD = 1.0  # s
 SHAKE = (0.04, -0.04)  # m to the sides, one after the other, as fast as the arm's limits allow up to 1 m/s
+VOID = "void: diverged"  # a try whose physics blew up says nothing
 OUT_OF_REACH = tuple(
     f"{step}: {code}" for step in ("approach", "lift") for code in ("unreachable", "no_path", "limits")
 )
@@ -148,7 +149,7 @@ def _arm_is_clear(cell: Cell, joints: Array, scene: Array) -> bool:
 
 
 def execute(cell: Cell, pose: Se3Pose) -> str:
-    """Approach, close, lift, hold and shake. '' or what ended it early: its step and the error's code."""
+    """Approach, close, lift, hold and shake. '' or what ended it early: its step and the error's code, or `VOID`."""
     up = lifted(pose)
     aside = [Se3Pose(Vec3.of(up.position.array + np.array([0.0, y, 0.0])), up.rotation) for y in SHAKE]
     steps: list[tuple[str, Callable[[], Any]]] = [
@@ -165,6 +166,8 @@ def execute(cell: Cell, pose: Se3Pose) -> str:
     for step, do in steps:
         try:
             do()
+        except SimulationDivergedError:
+            return VOID
         except ToolError as error:
             if step != "shake":  # what cannot be shaken so far out is still held or not
                 return f"{step}: {error.code}"
@@ -172,9 +175,9 @@ def execute(cell: Cell, pose: Se3Pose) -> str:
 
 
 def was_tried(row: Mapping[str, Any]) -> bool:
-    """Did the hand get as far as the grasp? What stops an arm on its way says nothing about the grasp."""
+    """Did the hand get as far as the grasp? What stops an arm on its way, or physics, says nothing about the grasp."""
     reason = row["reason"]
-    return row["score"] is not None and not reason.startswith("way") and reason not in OUT_OF_REACH
+    return row["score"] is not None and not reason.startswith("way") and reason not in (*OUT_OF_REACH, VOID)
 
 
 def backed_off(pose: Se3Pose) -> Se3Pose:

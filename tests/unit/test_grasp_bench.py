@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from gap_cli.contracts.failures import SimulationDivergedError
 from gap_cli.contracts.task import load_task
+from gap_cli.contracts.types import Quaternion, Se3Pose, Vec3
 from gap_grasps.bench import DRAWN
 from gap_grasps.bench_draws import drawn_evenly
 from gap_grasps.bench_objects import LIES, REGION, STANDS, bench_task, place, rest, subjects
@@ -15,7 +18,7 @@ from gap_grasps.bench_report import report
 from gap_grasps.bench_run import CHUNK, jobs
 from gap_grasps.bench_sheet import COLUMNS, TILE, sheet, worst
 from gap_grasps.bench_sight import handle_of
-from gap_grasps.bench_try import was_tried
+from gap_grasps.bench_try import VOID, execute, was_tried
 from gap_robots.panda import panda
 
 TASK = bench_task(load_task(Path(__file__).parents[2] / "tasks" / "fulfill-grocery"))
@@ -88,6 +91,16 @@ def test_only_what_came_to_the_grasp_was_tried():
     assert not was_tried(row("milk", False, reason="way: contact"))
     assert not was_tried(row("milk", False, reason="approach: unreachable"))
     assert not was_tried(row("milk", False, score=None, reason="no_grasp"))
+    assert not was_tried(row("milk", False, reason=VOID))
+
+
+def test_physics_that_diverges_ends_the_try_and_not_the_benchmark():
+    def blow_up(name, **inputs):
+        if name == "gripper.Close":
+            raise SimulationDivergedError("Something moves at 165 m/s.")
+
+    cell = SimpleNamespace(tool=blow_up, world=SimpleNamespace(wait=lambda seconds: None))
+    assert execute(cell, Se3Pose(Vec3(0.0, 0.0, 0.1), Quaternion(0.0, 1.0, 0.0, 0.0))) == VOID
 
 
 def test_grasps_are_drawn_over_the_whole_range_and_none_twice():
