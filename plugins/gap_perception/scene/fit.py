@@ -19,6 +19,7 @@ ITERATIONS = 8
 FINE = 3  # of the iterations, the last, that look at all points; those before look at every other
 LOOSE, TIGHT = 0.015, 0.002  # m: scale of the robust weights, from the first iteration to the last
 WRONG = 0.008  # m: farther points are not explained at all, however far
+SUNK = 0.008  # m: a fit whose lowest point is farther below the support is no pose at all
 FREE_SIGMA = 0.05  # m: of the height of something held
 HEIGHT_SIGMA = 0.002  # m: calibration error and compliance; the support's height is known
 TURN_SIGMA = 0.3  # rad per iteration, damping for round bodies whose yaw the points do not determine

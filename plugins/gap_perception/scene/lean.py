@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from gap_cli.contracts.types import Array
 from gap_perception.scene.colours import hue_histogram, overlap
-from gap_perception.scene.fit import TIGHT, TURN_SIGMA, WRONG, Fit, surface_distances
+from gap_perception.scene.fit import SUNK, TIGHT, TURN_SIGMA, WRONG, Fit, surface_distances
 from gap_perception.scene.library import Appearance
 from gap_perception.scene.measured import Measured
 from gap_perception.scene.propose import NO_HUES, SIDE_SLACK, sample
@@ -22,7 +22,6 @@ TILTED = -1  # the `rest` of a model that lies on none of its sides
 LOOKED_AT = 240  # points a fit looks at
 ROUNDS, LOOSE = 14, 0.02  # steps, and scale of the first one's robust weights [m]
 TURNS = 4  # about the body's own axis
-SUNK = 0.008  # m: a fit whose lowest point is farther below the support is no pose at all
 
 
 def lean(library: Mapping[str, Appearance], part: Measured, views: Sequence[DepthView]) -> list[Fit]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from gap_cli.contracts.types import Array
 from gap_perception.scene.colours import hue_histogram, overlap
-from gap_perception.scene.fit import Fit, fit, resting_size, rests
+from gap_perception.scene.fit import SUNK, Fit, fit, resting_size, rests
 from gap_perception.scene.library import Appearance
 from gap_perception.scene.measured import Measured
 
@@ -62,7 +62,7 @@ def aligned(points: Array) -> tuple[Array, Array, float]:
 
 
 def propose(library: Mapping[str, Appearance], part: Measured, stance: Stance) -> list[Fit]:
-    """Fits of the models whose size and hues can explain a group of points."""
+    """Fits of the models whose size and hues can explain a group of points; none that sinks into the support."""
     points, support, hues = part.points, float(np.median(part.support)), hue_histogram(part.colours)
     (centre, sides, yaw), spread = rectangle(points), aligned(points)
     top = float(np.quantile(points[:, 2], 0.995)) - support
@@ -83,7 +83,9 @@ def propose(library: Mapping[str, Appearance], part: Measured, stance: Stance) -
             starts = _starts(size, centre, sides, yaw, quarters=_quarters(surface, rest))
             if surface.model.shape.handle:
                 starts = np.concatenate([starts, _starts(size, *spread, quarters=4)])
-            found.append(fit(surface, rest, chosen, starts, support, free=stance.raised))
+            placed = fit(surface, rest, chosen, starts, support, free=stance.raised)
+            if placed.position[2] - size[2] / 2 > support - SUNK:
+                found.append(placed)
     return found
 
 
