@@ -14,6 +14,7 @@ from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.types import Array, BoundingBox2D, OrientedBoundingBox, Se3Pose, WorldConfig
 
 COMPARED = 400  # points per cloud; enough to tell clouds millimetres apart, few enough for all pairs
+MOST_CELLS = 2.0**62  # that integers can number
 GRID = 0.002  # m: finer than the depth, coarse enough for what reads a cloud to be quick
 
 
@@ -24,8 +25,18 @@ def cloud_gap(a: Array, b: Array) -> float:
 
 
 def thinned(points: Array) -> Array:
-    """The first of the points (N, 3) [m] in every occupied grid cell, in their order."""
-    _, first = np.unique(np.floor(points / GRID).astype(np.int64), axis=0, return_index=True)
+    """The first of the finite points (N, 3) [m] in every occupied grid cell, in their order."""
+    points = points[np.isfinite(points).all(axis=1)]
+    if not len(points):
+        return points
+    cells = np.floor(points / GRID)
+    cells -= cells.min(axis=0)
+    spans = cells.max(axis=0) + 1
+    if np.prod(spans) > MOST_CELLS:  # no cell numbers: the slow way
+        _, first = np.unique(cells, axis=0, return_index=True)
+    else:
+        numbers = np.ravel_multi_index(tuple(cells.astype(np.int64).T), tuple(spans.astype(np.int64)))
+        _, first = np.unique(numbers, return_index=True)
     return np.asarray(points[np.sort(first)])
 
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from threading import Lock, RLock
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from gap_cli.contracts.tool import OBSERVED
 from gap_cli.contracts.types import CameraObservation, Image, Observation
 
@@ -49,8 +51,8 @@ class Memory:
 
 def digest(image: Image) -> str:
     """Content digest of an image's pixels and shape."""
-    hashed = hashlib.blake2b(repr(image.data.shape).encode(), digest_size=16)
-    hashed.update(image.data.tobytes())
+    hashed = hashlib.sha256(repr(image.data.shape).encode())  # processors have instructions for it
+    hashed.update(np.ascontiguousarray(image.data).data)
     return hashed.hexdigest()
 
 

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from gap_cli.contracts.geometry import BoundingBox2D
-from gap_cli.contracts.scripting import beside_way, cloud_gap, named_index, numbered_question, points_around, thinned
+from gap_cli.contracts.scripting import (
+    GRID,
+    beside_way,
+    cloud_gap,
+    named_index,
+    numbered_question,
+    points_around,
+    thinned,
+)
 from gap_cli.contracts.types import Obstacle, OrientedBoundingBox, Quaternion, Vec3, WorldConfig
 
 BOX = OrientedBoundingBox(Vec3(0, 0, 0), Vec3(1, 1, 1), Quaternion(1, 0, 0, 0))
@@ -27,6 +35,14 @@ def test_a_thinned_cloud_keeps_first_points_in_order_and_loses_no_place():
     rows = [int(np.flatnonzero((cloud == point).all(axis=1))[0]) for point in thin]
     assert rows == sorted(rows)
     assert cloud_gap(cloud[-1:], thin) < 0.002 * np.sqrt(3)
+
+
+@pytest.mark.parametrize("far", [1.0, 1e8])
+def test_thinning_takes_the_first_of_every_cell_however_far_apart(far):
+    cells = np.array([[0, 0, 0], [3, 1, 2], [0, 0, 0], [-4, 7, 1]])
+    points = np.concatenate([(cells + 0.5) * GRID * far, [[np.nan, 0.0, 0.0]]])
+    np.testing.assert_array_equal(thinned(points), points[[0, 1, 3]])
+    assert thinned(points[4:]).shape == (0, 3)
 
 
 @pytest.mark.parametrize(
