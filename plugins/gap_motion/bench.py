@@ -13,6 +13,7 @@ from gap_cli.contracts.failures import PlanningError, ToolError
 from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.types import Trajectory
 from gap_motion import measure
+from gap_motion.bench_goals import goals
 from gap_motion.free_motion import Reached, to_grasps, to_joints
 from gap_motion.kinematics import chain
 from gap_motion.problems import GraspProblem, Problem, free_space, groceries
@@ -41,7 +42,7 @@ def motion(progress: Progress, problems: int = PROBLEMS, judged: int = JUDGED, e
         rows += kinematics(spec, problems, part)
         rows += verdicts(spec, judged, executed, part)
     vamp = "" if installed() else f" It is not installed here, and its rows are missing: pip install {DISTRIBUTION}."
-    return BenchReport("Motion", COLUMNS, tuple(rows), (*NOTES, VAMP_NOTE + vamp), PACKAGES)
+    return BenchReport("Motion", COLUMNS, tuple(rows), (*NOTES, VAMP_NOTE + vamp), PACKAGES, more=(goals(rows),))
 
 
 NOTES = (

@@ -1,4 +1,5 @@
 from gap_motion.bench import COLUMNS, motion
+from gap_motion.bench_goals import GOALS, goals
 
 
 def test_a_small_run_fills_every_column_and_finds_nothing_wrong():
@@ -10,3 +11,14 @@ def test_a_small_run_fills_every_column_and_finds_nothing_wrong():
     for robot in ("panda", "ur5e"):
         assert result[robot, "planned: in collision"] == 0
         assert result[robot, "executed: in collision"] == 0
+    (met,) = report.more
+    assert {(row[0], row[1]) for row in met.rows} == {(r, g.what) for r in ("panda", "ur5e") for g in GOALS}
+
+
+def test_goals_are_met_or_not_by_the_numbers():
+    rows = [
+        ("arm", "retiming", 9, "5.00", "9.00", ""), ("arm", "IK, one pose", 9, "2.01", "", ""),
+        ("arm", "collision check, bare", 9, "", "", "5.1 us a configuration"),
+        ("arm", "grasps: solved", 9, "", "", "0.990"),
+    ]  # fmt: skip
+    assert [row[3:] for row in goals(rows).rows] == [("5", "yes"), ("2.01", "no"), ("5.1", "no"), ("0.99", "yes")]
