@@ -172,15 +172,23 @@ class Observation(Value):
 
 @dataclass(frozen=True, eq=False)
 class Obstacle(Value):
-    """A named piece of the collision world: a box, and, where known, the `points` it was built from (N, 3) [m]."""
+    """A named piece of the collision world: a box, which contains all that is known besides.
+
+    `points` (N, 3) [m] are what cameras saw of its surface, or, with `triangles` (F, 3) of indices into them, the
+    vertices of a mesh. A `cylinder` fills the box, its axis along the box's z; the x and y extents are its radius.
+    """
 
     name: str
     box: Annotated[OrientedBoundingBox, WORLD]
     points: Array | None = None
+    triangles: Array | None = None
+    cylinder: bool = False
 
     def __post_init__(self) -> None:
         if self.points is not None:
             object.__setattr__(self, "points", frozen(self.points, np.float64, (None, 3), "Obstacle.points"))
+        if self.triangles is not None:
+            object.__setattr__(self, "triangles", frozen(self.triangles, np.int64, (None, 3), "Obstacle.triangles"))
 
 
 @dataclass(frozen=True, eq=False)

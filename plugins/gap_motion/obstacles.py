@@ -1,4 +1,4 @@
-"""The scene as collision checking sees it: boxes, and distance fields around obstacles known by their points.
+"""The scene as collision checking sees it: boxes, cylinders, and distance fields around clouds and meshes.
 
 Points come from cameras, which see surfaces from above. An obstacle is therefore what its points cover: every column
 of its voxels is filled from its highest point down to its foot, so that a can is solid and a basket stays open.
@@ -14,6 +14,7 @@ import numpy as np
 
 from gap_cli.contracts.failures import BadRequestError
 from gap_cli.contracts.types import Array, Obstacle, OrientedBoundingBox, WorldConfig
+from gap_motion.solids import check_shape, filled_mesh
 
 VOXEL = 0.01  # m
 TOUCH = 0.01  # m: how sizes and places of obstacles seen by a camera may be off
@@ -51,7 +52,7 @@ class Field:
 class Scene:
     """Named obstacles: boxes by `centers` (M, 3), `half` (M, 3), `to_local` (M, 3, 3), grown all round by `rounding`
     (M,), so that a point is a sphere and a line a capsule. One that has a field (by its index) is what the field says,
-    and its box is what contains it."""
+    and its box is what contains it; one of the `cylinders` (M,) fills its box about its z axis."""
 
     names: tuple[str, ...]
     centers: Array
@@ -59,11 +60,16 @@ class Scene:
     to_local: Array
     rounding: Array
     fields: dict[int, Field]
+    cylinders: Array | None = None
 
     def box_distance(self, points: Array, which: Array) -> Array:
-        """Signed distance from points (F, k, 3) to the boxes `which` (F,): shape (F, k), single precision."""
+        """Signed distance from points (F, k, 3) to the boxes or cylinders `which` (F,): shape (F, k), single
+        precision."""
         turn, half = self.to_local[which].astype(np.float32), self.half[which, None].astype(np.float32)
         local = (points - self.centers[which, None].astype(np.float32)) @ turn.transpose(0, 2, 1)
+        if self.cylinders is not None and (of := self.cylinders[which]).any():
+            local[of, :, 0] = np.hypot(local[of, :, 0], local[of, :, 1])
+            local[of, :, 1] = 0.0
         np.abs(local, out=local)
         local -= half
         inside = np.minimum(local.max(axis=-1), 0.0)
@@ -110,7 +116,8 @@ def make_scene(config: WorldConfig | None, without: Collection[str] = ()) -> Sce
         np.array([o.box.extent.array for o in kept]).reshape(-1, 3),
         np.array(rotations).reshape(-1, 3, 3),
         np.zeros(len(kept)),
-        {i: f for i, o in enumerate(kept) if (f := field_of(o.points, o.box)) is not None},
+        {i: f for i, o in enumerate(kept) if (f := _field(o)) is not None},
+        np.array([o.cylinder for o in kept], dtype=bool) if any(o.cylinder for o in kept) else None,
     )
 
 
@@ -130,7 +137,14 @@ def with_spheres(scene: Scene, names: Sequence[str], centers: Array, radii: Arra
         np.concatenate([scene.to_local, np.tile(np.eye(3), (count, 1, 1))]),
         np.concatenate([scene.rounding, radii]),
         scene.fields,
+        None if scene.cylinders is None else np.concatenate([scene.cylinders, np.zeros(count, dtype=bool)]),
     )
+
+
+def _field(obstacle: Obstacle) -> Field | None:
+    if obstacle.points is not None and obstacle.triangles is not None:
+        return mesh_field(obstacle.points, obstacle.triangles)
+    return None if obstacle.cylinder else field_of(obstacle.points, obstacle.box)
 
 
 def field_of(points: Array | None, box: OrientedBoundingBox) -> Field | None:
@@ -140,8 +154,7 @@ def field_of(points: Array | None, box: OrientedBoundingBox) -> Field | None:
     low = points.min(axis=0)
     foot = min(float(low[2]), float(box.corners[:, 2].min()))
     low = np.array([low[0], low[1], foot])
-    size = points.max(axis=0) - low
-    cell = max(VOXEL, float(np.prod(size + 2 * REACH) / MOST_CELLS) ** (1 / 3))
+    cell = _cell(points.max(axis=0) - low)
     index = np.floor((points - low) / cell).astype(int)
     shape = index.max(axis=0) + 1
     heights = np.full(shape[:2], -1)
@@ -150,6 +163,18 @@ def field_of(points: Array | None, box: OrientedBoundingBox) -> Field | None:
     if filled.sum() * cell**3 >= SOLID * 8 * float(np.prod(box.extent.array)):
         return None
     return _distances(filled, low, cell)
+
+
+def mesh_field(vertices: Array, triangles: Array) -> Field:
+    """The distance field of a mesh of `triangles` (F, 3) between `vertices` (N, 3), solid where it is closed."""
+    low = vertices[np.unique(triangles)].min(axis=0)
+    cell = _cell(vertices[np.unique(triangles)].max(axis=0) - low)
+    return _distances(filled_mesh(vertices, triangles, low, cell), low, cell)
+
+
+def _cell(size: Array) -> float:
+    """How large the cells of a field are around something of that size (3,) [m]."""
+    return max(VOXEL, float(np.cbrt(np.prod(size + 2 * REACH) / MOST_CELLS)))
 
 
 def _distances(filled: Array, low: Array, cell: float) -> Field:
@@ -170,16 +195,15 @@ def _checked(obstacle: Obstacle) -> Obstacle:
         raise BadRequestError("not_finite", f"Obstacle {name!r} has a box that is not finite.")
     if (box.extent.array < 0).any():
         raise BadRequestError("range", f"Obstacle {name!r} has a negative extent {box.extent}.")
-    if obstacle.points is None:
-        return obstacle
-    if len(obstacle.points) > MOST_POINTS:
+    if obstacle.points is not None and len(obstacle.points) > MOST_POINTS:
         raise BadRequestError(
             "too_large",
             f"Obstacle {name!r} has {len(obstacle.points)} points; at most {MOST_POINTS} are taken.",
             hint="Thin it to a voxel grid; geometry_svc.BuildWorldConfig does.",
         )
-    if not np.isfinite(obstacle.points).all():
+    if obstacle.points is not None and not np.isfinite(obstacle.points).all():
         raise BadRequestError("not_finite", f"Obstacle {name!r} has points that are not finite.")
+    check_shape(obstacle)
     return obstacle
 
 

@@ -42,6 +42,7 @@ ARRAYS = {
     "JointState.velocities": arrays("f8", None),
     "JointState.efforts": arrays("f8", None),
     "Obstacle.points": arrays("f8", None, 3),
+    "Obstacle.triangles": arrays("i8", None, 3),
 }
 
 
