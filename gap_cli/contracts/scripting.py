@@ -29,15 +29,21 @@ def thinned(points: Array) -> Array:
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):
         return points
-    cells = np.floor(points / GRID)
-    cells -= cells.min(axis=0)
-    spans = cells.max(axis=0) + 1
-    if np.prod(spans) > MOST_CELLS:  # no cell numbers: the slow way
-        _, first = np.unique(cells, axis=0, return_index=True)
-    else:
-        numbers = np.ravel_multi_index(tuple(cells.astype(np.int64).T), tuple(spans.astype(np.int64)))
-        _, first = np.unique(numbers, return_index=True)
+    _, first = np.unique(cell_numbers(points, GRID), return_index=True)
     return np.asarray(points[np.sort(first)])
+
+
+def cell_numbers(points: Array, spacing: float) -> Array:
+    """A number for the grid cell of each of at least one point (N, 3), the same for points of one cell; shape (N,).
+
+    They order the cells along x, then y, then z. Sorting one number is several times faster than sorting three.
+    """
+    cells = np.floor(points / spacing)
+    cells -= cells.min(axis=0)
+    sides = cells.max(axis=0) + 1
+    if sides.prod() > MOST_CELLS:
+        return np.asarray(np.unique(cells, axis=0, return_inverse=True)[1].ravel())
+    return np.asarray(np.ravel_multi_index(tuple(cells.astype(np.int64).T), tuple(sides.astype(np.int64))))
 
 
 def numbered_question(prompt: str, object_name: str, boxes: Sequence[BoundingBox2D]) -> str:

@@ -34,13 +34,18 @@ def prepare(points: Array, floor: float | None, rng: np.random.Generator, *, rem
         points = thinned(points)
     if remove_outliers and len(points) > MIN_POINTS:
         points = points[_inliers(points)]
+    enough(points)
+    if len(points) > MAX_POINTS:
+        points = points[np.sort(rng.choice(len(points), MAX_POINTS, replace=False))]
+    return seen_surface(points) if floor is None else closed_surface(points, floor)
+
+
+def enough(points: Array) -> None:
+    """Raise `PerceptionError` (`too_few_points`) when usable points (N, 3) are too few to show a surface."""
     if len(points) < MIN_POINTS:
         raise PerceptionError(
             "too_few_points", f"{len(points)} usable points do not show a surface to grasp; {MIN_POINTS} are needed."
         )
-    if len(points) > MAX_POINTS:
-        points = points[np.sort(rng.choice(len(points), MAX_POINTS, replace=False))]
-    return seen_surface(points) if floor is None else closed_surface(points, floor)
 
 
 def generate(

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.ndimage import grey_closing
 from scipy.spatial import cKDTree
 
+from gap_cli.contracts.scripting import cell_numbers
 from gap_cli.contracts.types import Array
 
 SPACING = 0.003  # m between the points of a surface, and the side of a height map's cells
@@ -37,14 +38,7 @@ class Surface:
 
 def thinned(points: Array, spacing: float = SPACING) -> Array:
     """One point, the mean, per occupied cell of a grid, shape (M, 3)."""
-    cells = np.floor(points / spacing)
-    cells -= cells.min(axis=0)
-    sides = cells.max(axis=0) + 1
-    if sides.prod() < 2**62:  # one number per cell sorts several times faster than three
-        number = np.ravel_multi_index(tuple(cells.astype(np.int64).T), tuple(sides.astype(np.int64)))
-        _, index, counts = np.unique(number, return_inverse=True, return_counts=True)
-    else:
-        _, index, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    _, index, counts = np.unique(cell_numbers(points, spacing), return_inverse=True, return_counts=True)
     sums = np.stack([np.bincount(index.ravel(), points[:, i]) for i in range(3)], axis=1)
     return np.asarray(sums / counts[:, None])
 

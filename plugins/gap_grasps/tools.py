@@ -119,13 +119,7 @@ def plan_from_depth(
     until something is found. `instance_id` must be 1: a `Mask` holds one instance.
     Raises `BadRequestError` (`shape`, `instance_id`), `PerceptionError` (`too_few_points`).
     """
-    from gap_geometry.clouds import back_project
-
-    if segmentation.data.shape != depth.data.shape:
-        raise BadRequestError("shape", "The segmentation and the depth image differ in size.")
-    valid = np.isfinite(depth.data) & (depth.data > 0)
-    full = back_project(depth, intrinsics, valid)
-    target = back_project(depth, intrinsics, valid & segmentation.data)
+    full, target = segment_clouds(depth, intrinsics, segmentation)
     return _in_camera(ctx, full, target, instance_id, (z_min, z_max), max_retries)
 
 
@@ -175,13 +169,33 @@ def plan_in_scene(
     return WorldGrasps(*_listed(found, max_grasps, grasp_threshold))
 
 
+def segment_clouds(depth: DepthImage, intrinsics: Matrix3x3, segmentation: Mask) -> tuple[Array, Array]:
+    """The points (N, 3) of a depth image and (M, 3) of its masked part, in the camera frame.
+
+    Raises `BadRequestError` (`shape`).
+    """
+    from gap_geometry.clouds import back_project
+
+    if segmentation.data.shape != depth.data.shape:
+        raise BadRequestError("shape", "The segmentation and the depth image differ in size.")
+    valid = np.isfinite(depth.data) & (depth.data > 0)
+    return back_project(depth, intrinsics, valid), back_project(depth, intrinsics, valid & segmentation.data)
+
+
+def in_range(full: Array, target: Array, instance_id: int, z_range: tuple[float, float]) -> tuple[Array, Array]:
+    """The points of both clouds whose depth is within `z_range` [m]. Raises `BadRequestError` (`instance_id`)."""
+    if instance_id != 1:
+        raise BadRequestError("instance_id", f"A mask holds one instance, 1; there is no instance {instance_id}.")
+    low, high = z_range
+    # A NaN or an infinity compares false somewhere, so what is not finite in depth goes too.
+    near = [p[(p[:, 2] >= low) & (p[:, 2] <= high)] for p in (full, target)]
+    return near[0], near[1]
+
+
 def _in_camera(
     ctx: ToolContext, full: Array, target: Array, instance_id: int, z_range: tuple[float, float], max_retries: int
 ) -> CameraGrasps:
-    if instance_id != 1:
-        raise BadRequestError("instance_id", f"A mask holds one instance, 1; there is no instance {instance_id}.")
-    # A NaN compares false, so what is not finite goes too.
-    full, target = (p[(p[:, 2] >= z_range[0]) & (p[:, 2] <= z_range[1])] for p in (full, target))
+    full, target = in_range(full, target, instance_id, z_range)
     rng = np.random.default_rng([ctx.seed, len(target)])
     full = within(full, target, NEARBY) if len(target) else full
     T = plane_around(full, target, rng) if len(target) else None

@@ -6,10 +6,12 @@ from typing import Annotated
 
 from gap_cli.contracts.tool import ToolContext, serves
 from gap_cli.contracts.types import WORLD, JointState, Se3Pose, Vec3, WorldConfig
+from gap_hf.curobo_search import search
 from gap_hf.loading import DEADLINE_S
 from gap_motion import tools_plan as contracts
 from gap_motion.checker import MARGIN
-from gap_motion.tools_plan import GraspPlan, Plan
+from gap_motion.situation import Situation
+from gap_motion.tools_plan import GraspPlan, Plan, grasp_plan, pose_plan
 
 
 @serves(contracts.plan_to_grasp_poses, provider="hf", deadline_s=DEADLINE_S)
@@ -26,14 +28,9 @@ def plan_to_grasp_poses(
 ) -> GraspPlan:
     """A collision-free timed motion to the cheapest reachable of several grasp poses of the TCP, its path by cuRobo.
 
-    All but the path is the embedded provider's. The first call in a process builds and warms cuRobo up, which takes
-    a minute or more. Raises as the embedded provider does, and `ToolError` (`extra`, `setting`, `unsupported`,
-    `too_large`, `package`).
+    All but the path is the embedded provider's. The first call in a process builds and warms cuRobo up. Raises as the
+    embedded provider does, and `ToolError` (`extra`, `setting`, `unsupported`, `too_large`, `package`).
     """
-    from gap_hf.curobo_search import search
-    from gap_motion.situation import Situation
-    from gap_motion.tools_plan import grasp_plan
-
     situation = Situation.of(ctx, arm_id, world_config, collision_margin, ignore_obstacle_names or ())
     return grasp_plan(situation, world_config, start_joint_position, grasp_poses, approach_distance, seed, search)
 
@@ -54,15 +51,8 @@ def plan_to_pose(
 
     Raises as the embedded provider does, and `ToolError` (`extra`, `setting`, `unsupported`, `too_large`, `package`).
     """
-    from gap_hf.curobo_search import search
-    from gap_motion.free_motion import to_poses
-    from gap_motion.requests import joints_of, pose_matrix
-    from gap_motion.situation import Situation
-
     situation = Situation.of(ctx, arm_id, world_config, collision_margin)
-    start = joints_of(start_joint_position, situation.cell.spec, "start_joint_position")
-    target = situation.cell.last_frame(pose_matrix(target_pose, "target_pose"), tcp_offset)
-    return Plan(True, to_poses(situation, start, target[None], seed, search=search).trajectory)
+    return pose_plan(situation, target_pose, start_joint_position, tcp_offset, seed, search=search)
 
 
 TOOLS = (plan_to_grasp_poses, plan_to_pose)

@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from gap_cli.contracts.failures import BadRequestError, PerceptionError, ToolError
+from gap_cli.contracts.failures import BadRequestError, ToolError
 from gap_cli.contracts.robot import RobotSpec
 from gap_cli.contracts.types import Array, Se3Pose, Vec3
+from gap_grasps.generate import enough
 from gap_grasps.tools import WorldGrasps
 from gap_hf.gripper_frame import rigid_grasps, tcp
 from gap_hf.loading import INSTALL
@@ -24,7 +25,6 @@ from gap_hf.wire import packed, unpacked
 
 URL, DEPTH = "GAP_HF_GRASPGEN_URL", "GAP_HF_GRASPGEN_DEPTH"
 DEPTHS = {"franka_panda": 0.10527314}  # m, base of the gripper to its TCP, as the checkpoint's gripper file has it
-MIN_POINTS = 30
 TIMEOUT_S = 60.0
 NEAR = 0.01  # m from the target within which scene points are the target's own
 
@@ -45,10 +45,7 @@ def plan(
             "range", f"num_grasps is {num_grasps} and topk_num_grasps {top}; both must be at least 1."
         )
     target = target[np.isfinite(target).all(axis=1)]
-    if len(target) < MIN_POINTS:
-        raise PerceptionError(
-            "too_few_points", f"{len(target)} usable points do not show a surface to grasp; {MIN_POINTS} are needed."
-        )
+    enough(target)
     with Server() as server:
         depth = _depth(server)
         answer = server.ask(

@@ -11,11 +11,12 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from gap_cli.contracts.failures import BadRequestError, PerceptionError, ToolError
+from gap_cli.contracts.failures import ToolError
 from gap_cli.contracts.tool import ToolContext, serves
 from gap_cli.contracts.types import CAMERA, Array, DepthImage, Mask, Matrix3x3, PointCloud, Se3Pose, Vec3
 from gap_grasps import tools as contracts
-from gap_grasps.tools import CameraGrasps
+from gap_grasps.generate import enough
+from gap_grasps.tools import CameraGrasps, in_range, segment_clouds
 from gap_hf import published
 from gap_hf.gripper_frame import PANDA_DEPTH, rigid_grasps, tcp
 from gap_hf.loading import DEADLINE_S
@@ -24,7 +25,6 @@ from gap_hf.placement import placement
 CHECKPOINT = "GAP_HF_GRASPNET"
 TITLE, PACKAGE = "Contact-GraspNet", "contact_graspnet_pytorch"
 REPOSITORY = "the repository elchun/contact_graspnet_pytorch"
-MIN_POINTS = 30
 
 
 @serves(contracts.plan_from_depth, provider="hf", deadline_s=DEADLINE_S)
@@ -44,13 +44,7 @@ def plan_from_depth(
     seed. Raises `BadRequestError` (`shape`, `instance_id`), `PerceptionError` (`too_few_points`), `ToolError`
     (`setting`, `weights`, `extra`, `package`, `answer`).
     """
-    from gap_geometry.clouds import back_project
-
-    if segmentation.data.shape != depth.data.shape:
-        raise BadRequestError("shape", "The segmentation and the depth image differ in size.")
-    valid = np.isfinite(depth.data) & (depth.data > 0)
-    full = back_project(depth, intrinsics, valid)
-    target = back_project(depth, intrinsics, valid & segmentation.data)
+    full, target = segment_clouds(depth, intrinsics, segmentation)
     return _plan(ctx, full, target, instance_id, (z_min, z_max), max_retries)
 
 
@@ -71,14 +65,8 @@ def plan_from_clouds(
 def _plan(
     ctx: ToolContext, full: Array, target: Array, instance_id: int, z_range: tuple[float, float], max_retries: int
 ) -> CameraGrasps:
-    if instance_id != 1:
-        raise BadRequestError("instance_id", f"A mask holds one instance, 1; there is no instance {instance_id}.")
-    full, target = (p[np.isfinite(p).all(axis=1)] for p in (full, target))
-    full, target = (p[(p[:, 2] >= z_range[0]) & (p[:, 2] <= z_range[1])] for p in (full, target))
-    if len(target) < MIN_POINTS:
-        raise PerceptionError(
-            "too_few_points", f"{len(target)} usable points do not show a surface to grasp; {MIN_POINTS} are needed."
-        )
+    full, target = (p[np.isfinite(p).all(axis=1)] for p in in_range(full, target, instance_id, z_range))
+    enough(target)
     estimator = _estimator()
     for attempt in range(max(1, max_retries)):
         with published.running(TITLE, ctx.seed + attempt):

@@ -12,10 +12,11 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from gap_cli.contracts.failures import BadRequestError, PerceptionError, ToolError
+from gap_cli.contracts.failures import BadRequestError, ToolError
 from gap_cli.contracts.tool import ToolContext, serves
 from gap_cli.contracts.types import WORLD, Array, PointCloud, Se3Pose, Vec3
 from gap_grasps import tools as contracts
+from gap_grasps.generate import enough
 from gap_grasps.tools import WorldGrasps
 from gap_hf import published
 from gap_hf.gripper_frame import PANDA_DEPTH, rigid_grasps, tcp
@@ -25,7 +26,6 @@ from gap_hf.placement import placement
 CHECKPOINT, CONFIG = "GAP_HF_M2T2", "GAP_HF_M2T2_CONFIG"
 TITLE, REPOSITORY = "M2T2", "the repository NVlabs/M2T2"
 MEAN, STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])  # of the colours it was trained on
-MIN_POINTS = 30
 NEAR = 0.01  # m from the target's cloud within which a contact is on the target
 
 
@@ -49,10 +49,7 @@ def plan_in_scene(
         raise BadRequestError("range", f"num_points is {num_points} and max_grasps {max_grasps}; at least 1 each.")
     usable = np.isfinite(scene_cloud.points).all(axis=1)
     points = scene_cloud.points[usable]
-    if len(points) < MIN_POINTS:
-        raise PerceptionError(
-            "too_few_points", f"{len(points)} usable points do not show a scene; {MIN_POINTS} are needed."
-        )
+    enough(points)
     colours = None if scene_cloud.colors is None else scene_cloud.colors[usable]
     model, settings = _model()
     with published.running(TITLE, ctx.seed):

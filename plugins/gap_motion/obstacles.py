@@ -167,8 +167,9 @@ def field_of(points: Array | None, box: OrientedBoundingBox) -> Field | None:
 
 def mesh_field(vertices: Array, triangles: Array) -> Field:
     """The distance field of a mesh of `triangles` (F, 3) between `vertices` (N, 3), solid where it is closed."""
-    low = vertices[np.unique(triangles)].min(axis=0)
-    cell = _cell(vertices[np.unique(triangles)].max(axis=0) - low)
+    used = vertices[np.unique(triangles)]
+    low = used.min(axis=0)
+    cell = _cell(used.max(axis=0) - low)
     return _distances(filled_mesh(vertices, triangles, low, cell), low, cell)
 
 

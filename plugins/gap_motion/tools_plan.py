@@ -104,9 +104,22 @@ def plan_to_pose(
     `success` is true whenever it returns.
     """
     situation = Situation.of(ctx, arm_id, world_config, collision_margin)
+    return pose_plan(situation, target_pose, start_joint_position, tcp_offset, seed, improve)
+
+
+def pose_plan(
+    situation: Situation,
+    target_pose: Se3Pose,
+    start_joint_position: JointState,
+    tcp_offset: Vec3 | None,
+    seed: int,
+    improve: bool = False,
+    search: Search | None = None,
+) -> Plan:
+    """`curobo.PlanToPose` in a situation; `search` stands in for the planner."""
     start = joints_of(start_joint_position, situation.cell.spec, "start_joint_position")
     target = situation.cell.last_frame(pose_matrix(target_pose, "target_pose"), tcp_offset)
-    return Plan(True, to_poses(situation, start, target[None], seed, improve).trajectory)
+    return Plan(True, to_poses(situation, start, target[None], seed, improve, search).trajectory)
 
 
 @tool("curobo.PlanWithGraspedObject", effect="sense", deadline_s=20.0)

@@ -11,7 +11,7 @@ from gap_motion.checker import MARGIN
 from gap_motion.free_motion import to_poses
 from gap_motion.requests import joints_of, pose_matrix
 from gap_motion.situation import Situation
-from gap_motion.tools_plan import GraspPlan, Plan, grasp_plan
+from gap_motion.tools_plan import GraspPlan, Plan, grasp_plan, pose_plan
 from gap_motion.vamp_search import VampSearch
 
 
@@ -55,10 +55,8 @@ def plan_to_pose(
     Raises as the embedded provider does, and `ToolError` (`unsupported`) for an arm that VAMP has no model of.
     """
     situation = Situation.of(ctx, arm_id, world_config, collision_margin)
-    start = joints_of(start_joint_position, situation.cell.spec, "start_joint_position")
-    target = situation.cell.last_frame(pose_matrix(target_pose, "target_pose"), tcp_offset)
     search = VampSearch.of(situation, improve)
-    return Plan(True, to_poses(situation, start, target[None], seed, search=search).trajectory)
+    return pose_plan(situation, target_pose, start_joint_position, tcp_offset, seed, search=search)
 
 
 @serves(contracts.plan_with_grasped_object, provider="vamp")
