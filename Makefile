@@ -16,7 +16,7 @@ help:  ## this list
 
 setup: $(STAMP)  ## make .venv with everything in it, and see that rendering works
 
-$(STAMP): pyproject.toml .ci/setup
+$(STAMP): pyproject.toml gap_runtime/pyproject.toml .ci/setup
 	@PYTHON="$(PYTHON)" VENV="$(VENV)" .ci/setup
 	@touch $@
 

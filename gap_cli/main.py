@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from gap_cli import __version__
-from gap_cli.commands import edge
+from gap_cli.commands import error_handler as edge
 from gap_cli.commands.bench import bench
 from gap_cli.commands.demo import demo
 from gap_cli.commands.doctor import doctor

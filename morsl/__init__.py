@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gap_cli.hookspecs import Register, hookimpl
+from gap_runtime.hookspecs import Register, hookimpl
 
 
 @hookimpl

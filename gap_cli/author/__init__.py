@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from gap_cli.author.plans import Plan
-from gap_cli.contracts.task import Task
-from gap_cli.contracts.tool import ToolSpec
-from gap_cli.errors import UnknownNameError
 from gap_cli.skills import SkillLibrary
+from gap_runtime.contracts.task import Task
+from gap_runtime.contracts.tool import ToolSpec
+from gap_runtime.errors import UnknownNameError
 
 if TYPE_CHECKING:
     from gap_cli.author.build import Generated

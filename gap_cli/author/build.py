@@ -6,21 +6,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from gap_cli.analysis.catalog import Catalog
 from gap_cli.author.plans import Plan, Segment
 from gap_cli.author.segment import render_checkpoint_file, render_subgraph, script_path
-from gap_cli.contracts.documents import read_text
-from gap_cli.contracts.task import Task
-from gap_cli.contracts.tool import ToolSpec
-from gap_cli.errors import RunError, WorkflowError
-from gap_cli.graph.assemble import assemble, assembled_lines
-from gap_cli.graph.catalog import Catalog
-from gap_cli.graph.checkpoints import parse_checkpoints
-from gap_cli.graph.findings import Finding
-from gap_cli.graph.model import Workflow
-from gap_cli.graph.scripts import read_signature
-from gap_cli.graph.validate import validate
+from gap_cli.builder.assemble import assemble, assembled_lines
 from gap_cli.sandbox import run_builder
 from gap_cli.skills import SkillLibrary
+from gap_cli.validate.validator import validate
+from gap_runtime.contracts.documents import read_text
+from gap_runtime.contracts.task import Task
+from gap_runtime.contracts.tool import ToolSpec
+from gap_runtime.errors import RunError, WorkflowError
+from gap_runtime.graph.checkpoints import parse_checkpoints
+from gap_runtime.graph.findings import Finding
+from gap_runtime.graph.model import Workflow
+from gap_runtime.graph.scripts import read_signature
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot, pi, prod
 
-from gap_cli.contracts.failures import did_you_mean
-from gap_cli.contracts.task import Shape, Task
-from gap_cli.errors import InstructionError
+from gap_runtime.contracts.failures import did_you_mean
+from gap_runtime.contracts.task import Shape, Task
+from gap_runtime.errors import InstructionError
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,9 @@ from __future__ import annotations
 from typing import NoReturn
 
 from gap_cli.author.goals import Goal, check_goals, refuse
+from gap_cli.author.lexicon import Kind
 from gap_cli.author.vocabulary import Lexeme, Vocabulary
-from gap_cli.author.words import Kind
-from gap_cli.contracts.task import Task
+from gap_runtime.contracts.task import Task
 
 _SEPARATORS = {Kind.AND, Kind.THEN, Kind.COMMA, Kind.STOP, Kind.FILLER}
 _VERBS = {Kind.PUT, Kind.TAKE, Kind.FILL}

@@ -10,7 +10,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from gap_cli.author.render import render
-from gap_cli.contracts.models import Document
+from gap_runtime.contracts.models import Document
 
 SCHEMA: Literal["gap/plan/v1"] = "gap/plan/v1"
 DONE, ABORT = "done", "abort"

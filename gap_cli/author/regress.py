@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 from itertools import count
 
 from gap_cli.author.steps import Port, Repertoire, Step, Value
-from gap_cli.contracts.typeref import TypeRef
-from gap_cli.errors import InstructionError
 from gap_cli.skills.facts import Fact
+from gap_runtime.contracts.types.typeref import TypeRef
+from gap_runtime.errors import InstructionError
 
 MAX_STEPS = 12  # per goal; a manipulation segment that needs more is a sign of a contract that never closes
 MAX_EXPANDED = 20_000

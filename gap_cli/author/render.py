@@ -9,8 +9,8 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError, TemplateSyntaxError, Undefined
 from jinja2.sandbox import ImmutableSandboxedEnvironment
 
-from gap_cli.contracts.documents import read_text
-from gap_cli.errors import DocumentError, GapError
+from gap_runtime.contracts.documents import read_text
+from gap_runtime.errors import DocumentError, GapError
 
 TEMPLATES = Path(__file__).parent / "templates"
 

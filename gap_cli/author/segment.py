@@ -7,11 +7,11 @@ from typing import Any
 
 from gap_cli.author.plans import Segment
 from gap_cli.author.render import literal, render_file
-from gap_cli.contracts.documents import read_text
-from gap_cli.contracts.skill import SkillContract
-from gap_cli.errors import DocumentError, GapError, UnknownNameError
-from gap_cli.graph.names import substitute
 from gap_cli.skills import SkillBundle
+from gap_runtime.contracts.documents import read_text
+from gap_runtime.contracts.skill import SkillContract
+from gap_runtime.errors import DocumentError, GapError, UnknownNameError
+from gap_runtime.graph.names import substitute
 
 
 def render_subgraph(segment: Segment, bundle: SkillBundle) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from functools import partial
 
 from gap_cli.author.goals import Goal
-from gap_cli.author.order import layers
+from gap_cli.author.parallelize import layers
 from gap_cli.author.regress import State, regress
 from gap_cli.author.steps import Repertoire, Step
 from gap_cli.skills.facts import Fact, parse_fact

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import permutations
 
-from gap_cli.contracts.skill import NAME_SLOT, SkillContract
-from gap_cli.contracts.tool import ToolSpec
-from gap_cli.contracts.typeref import TypeRef
 from gap_cli.skills import SkillLibrary
 from gap_cli.skills.facts import Fact, Meaning, meaning
+from gap_runtime.contracts.skill import NAME_SLOT, SkillContract
+from gap_runtime.contracts.tool import ToolSpec
+from gap_runtime.contracts.types.typeref import TypeRef
 
 SLOT_ROLE = "name"  # the role whose name is spelled out in `<name>_obb`
 

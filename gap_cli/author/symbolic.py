@@ -11,10 +11,10 @@ from gap_cli.author.naming import Named, name_steps
 from gap_cli.author.plans import ABORT, DONE, Plan, PlanData, PlannedGoal, Segment
 from gap_cli.author.solve import solve
 from gap_cli.author.steps import Repertoire, Step, literal_source
-from gap_cli.contracts.task import Task
-from gap_cli.contracts.tool import ToolSpec
-from gap_cli.graph.names import contract_names
 from gap_cli.skills import SkillLibrary
+from gap_runtime.contracts.task import Task
+from gap_runtime.contracts.tool import ToolSpec
+from gap_runtime.graph.names import contract_names
 
 RECOVERY = ("gripper.Open", "robot_control.GoHome")  # let go, then get out of the way
 _SAY = {"perceive": "Locate", "grasp": "Grasp", "transport": "Carry", "place": "Place", "operate": "Operate"}

@@ -7,8 +7,8 @@ import unicodedata
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from gap_cli.author.words import MARKS, PHRASES, Kind
-from gap_cli.contracts.task import Task
+from gap_cli.author.lexicon import MARKS, PHRASES, Kind
+from gap_runtime.contracts.task import Task
 
 MAX_LENGTH = 2000  # characters; far above any instruction, far below what would take time
 _TOKEN = re.compile(r"[\w]+|[^\w\s]")

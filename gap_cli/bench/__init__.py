@@ -1,7 +1,7 @@
 """The engine's own benchmarks, registered like anyone's."""
 
-from gap_cli.contracts.bench import BenchReport, Progress
-from gap_cli.hookspecs import Register, hookimpl
+from gap_runtime.contracts.bench import BenchReport, Progress
+from gap_runtime.hookspecs import Register, hookimpl
 
 
 @hookimpl

@@ -12,10 +12,10 @@ from importlib.util import find_spec
 from typing import Annotated, Any, TypedDict
 
 from gap_cli.bench.timing import time_in_turns
-from gap_cli.contracts.bench import BenchReport, Progress
-from gap_cli.graph.execute import RunSetup, run_graph
-from gap_cli.graph.model import Workflow
-from gap_cli.testing import compile_fake, fake_workflow
+from gap_runtime.contracts.bench import BenchReport, Progress
+from gap_runtime.graph.model import Workflow
+from gap_runtime.run.execute import RunSetup, run_graph
+from gap_runtime.testing import compile_fake, fake_workflow
 
 NODES = 50
 GOAL_US = 10.0  # per node, one after the other

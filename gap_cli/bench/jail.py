@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from gap_cli.bench.timing import time_in_turns
-from gap_cli.contracts.bench import BenchReport, Progress
+from gap_runtime.contracts.bench import BenchReport, Progress
 
 CALLS = 200
 START_GOAL_MS, CALL_GOAL_US = 25.0, 100.0

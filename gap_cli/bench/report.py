@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gap_cli import __version__
-from gap_cli.contracts.bench import BenchReport
+from gap_runtime.contracts.bench import BenchReport
 
 SCHEMA = "gap/bench/v1"
 

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from gap_cli.contracts.bench import Progress
+from gap_runtime.contracts.bench import Progress
 
 ROUNDS = 25
 ROUND_S = 0.02  # s: a measurement repeats its subject until it takes about this long

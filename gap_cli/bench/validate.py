@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from gap_cli.bench.timing import time_in_turns
-from gap_cli.contracts.bench import BenchReport, Progress
-from gap_cli.graph.dump import dump_workflow
-from gap_cli.graph.load import parse_workflow
-from gap_cli.graph.model import Workflow
-from gap_cli.graph.render.drawing import drawing
-from gap_cli.graph.validate import validate
-from gap_cli.testing import compile_fake, fake_workflow, make_catalog
+from gap_cli.render.drawing import drawing
+from gap_cli.testing import make_catalog
+from gap_cli.validate.validator import validate
+from gap_runtime.contracts.bench import BenchReport, Progress
+from gap_runtime.graph.dump import dump_workflow
+from gap_runtime.graph.load import parse_workflow
+from gap_runtime.graph.model import Workflow
+from gap_runtime.testing import compile_fake, fake_workflow
 
 NODES = 200
 WIDTH = 4  # branches side by side between two joins

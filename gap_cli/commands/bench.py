@@ -12,7 +12,7 @@ import typer
 from gap_cli.commands.common import AsJson, console, print_json, print_table
 
 if TYPE_CHECKING:
-    from gap_cli.contracts.bench import BenchReport, Progress
+    from gap_runtime.contracts.bench import BenchReport, Progress
 
 RESULTS = Path("docs/results")
 
@@ -24,7 +24,7 @@ def bench(
     json: AsJson = False,
 ) -> None:
     """Run a benchmark: a table with the command, the machine and the versions behind it."""
-    from gap_cli.plugins import load_registry
+    from gap_runtime.plugins import load_registry
 
     found = load_registry().benchmarks
     if name is None:
@@ -35,12 +35,12 @@ def bench(
             print_table("", ("benchmark", "from"), rows)
         return
     if name not in found:
-        from gap_cli.errors import UnknownNameError
+        from gap_runtime.errors import UnknownNameError
 
         raise UnknownNameError("benchmark", name, found)
-    from gap_cli.artifacts.atomic import replace_files
-    from gap_cli.artifacts.canonical import write_json, write_text
     from gap_cli.bench.report import as_data, markdown, picture_files
+    from gap_cli.workspace.atomic import replace_files
+    from gap_cli.workspace.canonical import write_json, write_text
 
     with progress_bar(name) as progress:
         report: BenchReport = found[name].value(progress)

@@ -14,10 +14,10 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from gap_cli.errors import GapError
+from gap_runtime.errors import GapError
 
 if TYPE_CHECKING:
-    from gap_cli.plugins import Registry
+    from gap_runtime.plugins import Registry
 
 LIMIT_S = 120.0
 NEEDED_MB = 500
@@ -41,7 +41,7 @@ class Finding(NamedTuple):
 
 def examine(root: Path) -> list[Finding]:
     """Every check, in the order a reader would ask."""
-    from gap_cli.plugins import load_registry
+    from gap_runtime.plugins import load_registry
 
     findings = [_python(), _packages()]
     try:
@@ -59,7 +59,7 @@ def examine(root: Path) -> list[Finding]:
 
 def answer(name: str) -> None:
     """Run one plugin's check and print what it says as JSON; what `_ask` runs in a process of its own."""
-    from gap_cli.plugins import load_registry
+    from gap_runtime.plugins import load_registry
 
     try:
         data = {"ok": True, "found": str(load_registry().checks[name].value())}
@@ -107,7 +107,7 @@ def _requirements() -> Iterator[str]:
 
 
 def _plugins(registry: Registry) -> Iterator[Finding]:
-    from gap_cli.plugins import FIRST_PARTY
+    from gap_runtime.plugins import FIRST_PARTY
 
     yield Finding("plugins", True, ", ".join(f"{p.name} {p.version}" for p in registry.plugins.values()))
     for name, reason in sorted(registry.broken.items()):
@@ -128,7 +128,7 @@ def _skills(registry: Registry) -> str:
 
 
 def _tasks(registry: Registry) -> str:
-    from gap_cli.artifacts.tasks import find_tasks, open_task
+    from gap_cli.workspace.tasks import find_tasks, open_task
 
     names = list(find_tasks(registry))
     for name in names:

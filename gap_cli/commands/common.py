@@ -14,7 +14,7 @@ import typer
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from gap_cli.artifacts.run import Run
+    from gap_cli.workspace.run import Run
 
 
 def complete_run(incomplete: str) -> list[str]:
@@ -25,8 +25,8 @@ def complete_run(incomplete: str) -> list[str]:
 
 def complete_task(incomplete: str) -> list[str]:
     """Names of installed tasks, for shell completion."""
-    from gap_cli.artifacts.tasks import find_tasks
-    from gap_cli.plugins import load_registry
+    from gap_cli.workspace.tasks import find_tasks
+    from gap_runtime.plugins import load_registry
 
     return [name for name in find_tasks(load_registry()) if name.startswith(incomplete)]
 
@@ -51,7 +51,7 @@ def console() -> Console:
 
 def print_json(data: Any) -> None:
     """`data` as one JSON document on stdout."""
-    from gap_cli.artifacts.canonical import plain
+    from gap_cli.workspace.canonical import plain
 
     typer.echo(json.dumps(plain(data), ensure_ascii=False, indent=2))
 

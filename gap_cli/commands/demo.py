@@ -22,11 +22,11 @@ def demo(
     json: AsJson = False,
 ) -> None:
     """Plan, generate, validate, rehearse and report: one command from a sentence to a number."""
-    from gap_cli.artifacts.asked import Asked
     from gap_cli.commands.pipeline import generate_run, plan_run, validate_run
     from gap_cli.commands.rehearse import Recorded, print_summary, rehearse_run
-    from gap_cli.errors import WorkflowError
     from gap_cli.report.page import write_report
+    from gap_cli.workspace.run_config import Asked
+    from gap_runtime.errors import WorkflowError
 
     out = console()
 

@@ -18,8 +18,8 @@ def generate(
     json: AsJson = False,
 ) -> None:
     """Write the graph the plan describes: workflow, subgraphs, scripts, checkpoints."""
-    from gap_cli.artifacts.run import Run
     from gap_cli.commands.pipeline import generate_run
+    from gap_cli.workspace.run import Run
 
     opened = Run.open(root, run)
     made = generate_run(opened, unsafe=unsafe_no_sandbox)

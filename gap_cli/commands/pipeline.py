@@ -6,22 +6,23 @@ import time
 from pathlib import Path
 from typing import Any
 
-from gap_cli.artifacts.asked import Asked
-from gap_cli.artifacts.canonical import json_text, write_json
-from gap_cli.artifacts.run import Run
-from gap_cli.artifacts.stages import digest, product, write_stage
-from gap_cli.artifacts.volatile import note
-from gap_cli.contracts.documents import read_json, read_text
-from gap_cli.errors import WorkflowError
-from gap_cli.graph.findings import Finding
-from gap_cli.rehearse.inventory import Inventory
+from gap_cli.sandbox import level
+from gap_cli.workspace.canonical import json_text, write_json
+from gap_cli.workspace.inventory import Inventory
+from gap_cli.workspace.metadata import note
+from gap_cli.workspace.run import Run
+from gap_cli.workspace.run_config import Asked
+from gap_cli.workspace.stages import digest, product, write_stage
+from gap_runtime.contracts.documents import read_json, read_text
+from gap_runtime.errors import WorkflowError
+from gap_runtime.graph.findings import Finding
 
 FINDINGS = "gap/findings/v1"
 
 
 def write_lock(run: Run, inventory: Inventory) -> None:
     """Record what the run depends on. Raises `StorageError`."""
-    write_json(run.path / "lock.json", inventory.lock())
+    write_json(run.path / "lock.json", inventory.lock(level()))
 
 
 def plan_run(root: Path, asked: Asked) -> Run:
@@ -44,7 +45,7 @@ def plan_run(root: Path, asked: Asked) -> Run:
 def generate_run(run: Run, *, unsafe: bool = False) -> dict[str, Any]:
     """Write the graph the plan describes; returns what it holds. Raises `WorkflowError`, `SandboxError`, `RunError`."""
     from gap_cli.author import Plan, generate
-    from gap_cli.graph.dump import dump_workflow
+    from gap_runtime.graph.dump import dump_workflow
 
     started = time.monotonic()
     with run.held():
@@ -78,10 +79,10 @@ def validate_run(run: Run) -> list[Finding]:
 
 
 def _findings(file: Path, spec: Path, inventory: Inventory) -> list[Finding]:
-    from gap_cli.graph.catalog import read_catalog
-    from gap_cli.graph.load import load_workflow
-    from gap_cli.graph.source import folder_lines
-    from gap_cli.graph.validate import validate
+    from gap_cli.analysis.catalog import read_catalog
+    from gap_cli.builder.source import folder_lines
+    from gap_cli.validate.validator import validate
+    from gap_runtime.graph.load import load_workflow
 
     try:
         workflow = load_workflow(file)

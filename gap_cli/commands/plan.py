@@ -23,9 +23,9 @@ def plan(
     json: AsJson = False,
 ) -> None:
     """Decide which skill serves which segment of the task, and start a run."""
-    from gap_cli.artifacts.asked import Asked
     from gap_cli.commands.pipeline import plan_run
-    from gap_cli.contracts.documents import read_json
+    from gap_cli.workspace.run_config import Asked
+    from gap_runtime.contracts.documents import read_json
 
     question = {"task": task, "instruction": say, "variant": variant, "author": author, "seed": seed}
     asked = Asked.load({**question, "providers": _pairs(provider or [])}, "gap plan")

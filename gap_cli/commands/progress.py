@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from gap_cli.commands.edge import say as say_line
+from gap_cli.commands.error_handler import say as say_line
 
 if TYPE_CHECKING:
-    from gap_cli.contracts.engine import EpisodeResult
+    from gap_runtime.contracts.engine import EpisodeResult
 
 Progress = Callable[["EpisodeResult"], None]
 Say = Callable[[str], None]

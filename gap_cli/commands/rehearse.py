@@ -10,8 +10,8 @@ import typer
 from gap_cli.commands.common import RUNS, AsJson, Root, RunName, print_done, print_json, print_table, spelled
 
 if TYPE_CHECKING:
-    from gap_cli.artifacts.run import Run
     from gap_cli.rehearse.rehearsal import Summary
+    from gap_cli.workspace.run import Run
 
 
 class Recorded(StrEnum):
@@ -39,7 +39,7 @@ def rehearse(
     json: AsJson = False,
 ) -> None:
     """Roll out N instances, seeds SEED to SEED+N-1, and write episodes, summary and feedback."""
-    from gap_cli.artifacts.run import Run
+    from gap_cli.workspace.run import Run
 
     opened = Run.open(root, run)
     summary = rehearse_run(opened, n, seed, workers, record, engine)

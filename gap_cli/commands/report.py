@@ -7,8 +7,8 @@ from gap_cli.commands.common import RUNS, AsJson, Root, RunName, console, print_
 
 def report(run: RunName = None, root: Root = RUNS, json: AsJson = False) -> None:
     """Write report.html: graph, rates, failures, pictures and how to reproduce, in one file that needs no network."""
-    from gap_cli.artifacts.run import Run
     from gap_cli.report.page import write_report
+    from gap_cli.workspace.run import Run
 
     opened = Run.open(root, run)
     with opened.held():

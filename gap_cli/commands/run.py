@@ -10,7 +10,7 @@ import typer
 from gap_cli.commands.common import RUNS, AsJson, Root, RunName, console, print_done, print_json, spelled
 
 if TYPE_CHECKING:
-    from gap_cli.graph.events import Event
+    from gap_runtime.run.events import Event
 
 MARKS = {"node_finished": ("✓", "green"), "node_failed": ("✗", "red"), "node_cancelled": ("–", "yellow")}
 
@@ -27,8 +27,8 @@ def run(
     json: AsJson = False,
 ) -> None:
     """Run the graph once. Exit 0 where it succeeded, 1 where it did not, 130 where it was interrupted."""
-    from gap_cli.artifacts.run import Run
-    from gap_cli.rehearse.once import run_once
+    from gap_cli.rehearse.single_run import run_once
+    from gap_cli.workspace.run import Run
 
     opened = Run.open(root, run)
     with opened.held():

@@ -25,12 +25,12 @@ def schema(
 
 def schema_of(kind: str) -> dict[str, Any]:
     """The schema. Raises `UnknownNameError`."""
-    from gap_cli.artifacts.asked import Asked
-    from gap_cli.contracts.skill import SkillContract
-    from gap_cli.contracts.task import Task
-    from gap_cli.errors import UnknownNameError
-    from gap_cli.graph.model import Workflow
-    from gap_cli.graph.schema import json_schema
+    from gap_cli.validate.schema import json_schema
+    from gap_cli.workspace.run_config import Asked
+    from gap_runtime.contracts.skill import SkillContract
+    from gap_runtime.contracts.task import Task
+    from gap_runtime.errors import UnknownNameError
+    from gap_runtime.graph.model import Workflow
 
     models: dict[str, type[BaseModel]] = {"workflow": Workflow, "contract": SkillContract, "task": Task, "run": Asked}
     if kind not in models:

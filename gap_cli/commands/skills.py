@@ -77,9 +77,9 @@ def check(
     json: AsJson = False,
 ) -> None:
     """Check skills: SKILL.md, contract, scripts, template, and the graph they make. Exit code 1 for problems."""
-    from gap_cli.author.proof import check_skill
-    from gap_cli.plugins import load_registry
+    from gap_cli.author.skill_check import check_skill
     from gap_cli.skills import load_bundle
+    from gap_runtime.plugins import load_registry
 
     tools = {name: tool.spec for name, tool in load_registry().tools.items()}
     found = {str(path): check_skill(load_bundle(path.resolve()), tools) for path in paths}
@@ -96,8 +96,8 @@ def check(
 
 
 def _library() -> SkillLibrary:
-    from gap_cli.plugins import load_registry
     from gap_cli.skills import load_library
+    from gap_runtime.plugins import load_registry
 
     return load_library(load_registry().skill_paths)
 

@@ -9,7 +9,7 @@ import typer
 from gap_cli.commands.common import AsJson, complete_task, console, print_json, print_table
 
 if TYPE_CHECKING:
-    from gap_cli.contracts.task import Task
+    from gap_runtime.contracts.task import Task
 
 
 def tasks(
@@ -19,8 +19,8 @@ def tasks(
     json: AsJson = False,
 ) -> None:
     """List the tasks, or show one in full."""
-    from gap_cli.artifacts.tasks import find_tasks, open_task
-    from gap_cli.plugins import load_registry
+    from gap_cli.workspace.tasks import find_tasks, open_task
+    from gap_runtime.plugins import load_registry
 
     registry = load_registry()
     if name is not None:

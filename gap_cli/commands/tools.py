@@ -9,8 +9,8 @@ import typer
 from gap_cli.commands.common import AsJson, console, print_json, print_table
 
 if TYPE_CHECKING:
-    from gap_cli.contracts.tool import Tool
-    from gap_cli.plugins import Registry
+    from gap_runtime.contracts.tool import Tool
+    from gap_runtime.plugins import Registry
 
 
 def tools(
@@ -18,7 +18,7 @@ def tools(
     json: AsJson = False,
 ) -> None:
     """List the tools with their providers, or show one in full."""
-    from gap_cli.plugins import load_registry
+    from gap_runtime.plugins import load_registry
 
     registry = load_registry()
     if name is not None:

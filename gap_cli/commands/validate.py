@@ -10,13 +10,13 @@ import typer
 from gap_cli.commands.common import RUNS, AsJson, Root, RunName, print_done, print_json, print_table, spelled
 
 if TYPE_CHECKING:
-    from gap_cli.graph.findings import Finding
+    from gap_runtime.graph.findings import Finding
 
 
 def validate(run: RunName = None, root: Root = RUNS, json: AsJson = False) -> None:
     """Check the graph against the tools, skills and objects there are. Exit 1 where an error is found."""
-    from gap_cli.artifacts.run import Run
     from gap_cli.commands.pipeline import validate_run
+    from gap_cli.workspace.run import Run
 
     opened = Run.open(root, run)
     findings = validate_run(opened)

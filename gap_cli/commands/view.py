@@ -16,8 +16,8 @@ def view(
     json: AsJson = False,
 ) -> None:
     """Show the graph in the terminal and write view.html (self-contained) and graph.mmd."""
-    from gap_cli.artifacts.run import Run
     from gap_cli.report.view import read_view
+    from gap_cli.workspace.run import Run
 
     opened = Run.open(root, run)
     shown = read_view(opened)

@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from gap_cli.contracts.codec import to_plain
-from gap_cli.contracts.engine import EpisodeResult
-from gap_cli.contracts.failures import GapError, SimulationDivergedError, TaskInfeasibleError
-from gap_cli.contracts.world import Instance, World
-from gap_cli.graph.events import Observer
-from gap_cli.graph.execute import RunResult, RunSetup, run_graph
+from gap_cli.rehearse.episode_monitor import Watch
 from gap_cli.rehearse.judge import Verdict, judge
 from gap_cli.rehearse.prepare import Prepared
 from gap_cli.rehearse.rows import SCHEMA, lost_row
-from gap_cli.rehearse.watch import Watch
+from gap_runtime.contracts.encoding.codec import to_plain
+from gap_runtime.contracts.engine import EpisodeResult
+from gap_runtime.contracts.failures import GapError, SimulationDivergedError, TaskInfeasibleError
+from gap_runtime.contracts.world import Instance, World
+from gap_runtime.run.events import Observer
+from gap_runtime.run.execute import RunResult, RunSetup, run_graph
 
 
 def run_episode(

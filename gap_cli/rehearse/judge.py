@@ -6,11 +6,11 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from gap_cli.contracts.failures import DocumentError
-from gap_cli.contracts.snapshot import WorldSnapshot
-from gap_cli.contracts.task import Task
-from gap_cli.contracts.world import World
-from gap_cli.graph.checkpoints import evaluate
+from gap_runtime.contracts.failures import DocumentError
+from gap_runtime.contracts.snapshot import WorldSnapshot
+from gap_runtime.contracts.task import Task
+from gap_runtime.contracts.world import World
+from gap_runtime.graph.checkpoints import evaluate
 
 SETTLE_LIMIT_S = 3.0  # of world time: what rolls longer than this after release has not been placed
 SETTLE_STEP_S = 0.1

@@ -8,10 +8,10 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from threading import Event
 
-from gap_cli.contracts.engine import EpisodeResult, RehearsalJob
-from gap_cli.errors import GapError, RunError
 from gap_cli.rehearse.process import Worker
 from gap_cli.rehearse.rows import lost_row
+from gap_runtime.contracts.engine import EpisodeResult, RehearsalJob
+from gap_runtime.errors import GapError, RunError
 
 TICK_S = 0.2
 START_LIMIT_S = 180.0

@@ -9,18 +9,18 @@ from typing import Any
 
 from pydantic import ConfigDict, Field
 
-from gap_cli.artifacts.run import Run
-from gap_cli.artifacts.stages import digest, product
-from gap_cli.contracts.documents import read_json, read_text
-from gap_cli.contracts.models import Document
-from gap_cli.errors import RunError
-from gap_cli.graph.checkpoints import Checkpoint, parse_checkpoints
-from gap_cli.graph.compile import compile_workflow
-from gap_cli.graph.compiled import CompiledGraph
-from gap_cli.graph.load import load_workflow
-from gap_cli.graph.model import START, Workflow
-from gap_cli.rehearse.inventory import Inventory
 from gap_cli.rehearse.judge import Conditions, make_conditions
+from gap_cli.workspace.inventory import Inventory
+from gap_cli.workspace.run import Run
+from gap_cli.workspace.stages import digest, product
+from gap_runtime.contracts.documents import read_json, read_text
+from gap_runtime.contracts.models import Document
+from gap_runtime.errors import RunError
+from gap_runtime.graph.checkpoints import Checkpoint, parse_checkpoints
+from gap_runtime.graph.compile import compile_workflow
+from gap_runtime.graph.compiled import CompiledGraph
+from gap_runtime.graph.load import load_workflow
+from gap_runtime.graph.model import START, Workflow
 
 
 class PlanPart(Document):

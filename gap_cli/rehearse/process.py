@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from gap_cli.contracts.engine import RehearsalJob
 from gap_cli.rehearse.pipes import Reader, send
+from gap_runtime.contracts.engine import RehearsalJob
 
 OUT_OF_MEMORY = 86  # exit code of a worker that saw a MemoryError
 END_LIMIT_S = 3.0

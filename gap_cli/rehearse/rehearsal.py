@@ -10,18 +10,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from gap_cli.artifacts.canonical import json_line, json_text, jsonl_text, write_json
-from gap_cli.artifacts.run import Run
-from gap_cli.artifacts.stages import write_stage
-from gap_cli.artifacts.volatile import note
-from gap_cli.contracts.engine import Engine, EpisodeResult, RehearsalJob
-from gap_cli.errors import GapError, UnknownNameError
 from gap_cli.rehearse.feedback import feedback_text
 from gap_cli.rehearse.interrupts import interruptible
 from gap_cli.rehearse.pool import LocalEngine
 from gap_cli.rehearse.prepare import Prepared, describe, prepare, require_valid
 from gap_cli.rehearse.stats import quantile
 from gap_cli.rehearse.summary import summarize
+from gap_cli.sandbox import level
+from gap_cli.workspace.canonical import json_line, json_text, jsonl_text, write_json
+from gap_cli.workspace.metadata import note
+from gap_cli.workspace.run import Run
+from gap_cli.workspace.stages import write_stage
+from gap_runtime.contracts.engine import Engine, EpisodeResult, RehearsalJob
+from gap_runtime.errors import GapError, UnknownNameError
 
 FOLDER = "rehearse/00"
 LOCAL = "local"
@@ -61,7 +62,7 @@ def rehearse(
     started = time.monotonic()
     prepared = prepare(run, require_valid(run))
     lock = run.path / "lock.json"
-    write_json(lock, prepared.inventory.lock())
+    write_json(lock, prepared.inventory.lock(level()))
     if prepared.graph.jailed:
         nodes = ", ".join(prepared.graph.jailed)
         say(f"These scripts are not those of the installed skills, so they run in the jail: {nodes}.")

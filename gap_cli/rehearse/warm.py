@@ -6,10 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from gap_cli.contracts.robot import RobotSpec
-from gap_cli.contracts.task import Task
-from gap_cli.graph.context import SHARED
-from gap_cli.plugins import Registry
+from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.contracts.task import Task
+from gap_runtime.plugins import Registry
+from gap_runtime.run.context import SHARED
 
 
 @dataclass(frozen=True)

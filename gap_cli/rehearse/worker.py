@@ -14,10 +14,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from gap_cli.contracts.engine import EpisodeResult, RehearsalJob
-from gap_cli.contracts.failures import GapError
 from gap_cli.rehearse.pipes import Reader, send
 from gap_cli.rehearse.process import OUT_OF_MEMORY, decode_job
+from gap_runtime.contracts.engine import EpisodeResult, RehearsalJob
+from gap_runtime.contracts.failures import GapError
 
 PR_SET_PDEATHSIG = 1
 Roll = Callable[[int], EpisodeResult]
@@ -52,7 +52,7 @@ def serve(tasks: int, results: int, parent: int, job: RehearsalJob, make: Callab
 
 def prepare(job: RehearsalJob) -> Roll:
     """The function that rolls out one seed of `job`."""
-    from gap_cli.rehearse.stage import Stage
+    from gap_cli.rehearse.episode_runner import Stage
 
     return Stage.build(job).roll
 

@@ -6,12 +6,12 @@ import shlex
 from pathlib import Path
 from typing import Any
 
-from gap_cli.artifacts.canonical import write_text
-from gap_cli.artifacts.run import Run
-from gap_cli.artifacts.stages import PRODUCT
-from gap_cli.graph.load import load_workflow
 from gap_cli.report.drawing import graph_svg
-from gap_cli.report.material import gather
+from gap_cli.report.report_data import gather
+from gap_cli.workspace.canonical import write_text
+from gap_cli.workspace.run import Run
+from gap_cli.workspace.stages import PRODUCT
+from gap_runtime.graph.load import load_workflow
 
 PAGE = "report.html"
 SHOWN = 100  # episodes with pictures

@@ -7,17 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gap_cli.artifacts.canonical import write_text
-from gap_cli.artifacts.run import Run
-from gap_cli.artifacts.stages import product
-from gap_cli.contracts.documents import read_text
-from gap_cli.contracts.failures import DocumentError
-from gap_cli.graph.load import load_workflow
-from gap_cli.graph.model import Workflow
-from gap_cli.graph.render.mermaid import mermaid
-from gap_cli.graph.render.page import page
-from gap_cli.graph.render.story import Story, read_story
-from gap_cli.graph.render.trace import STAGE, TRACE
+from gap_cli.render.mermaid import mermaid
+from gap_cli.render.page import page
+from gap_cli.render.timeline import Story, read_story
+from gap_cli.render.trace import STAGE, TRACE
+from gap_cli.workspace.canonical import write_text
+from gap_cli.workspace.run import Run
+from gap_cli.workspace.stages import product
+from gap_runtime.contracts.documents import read_text
+from gap_runtime.contracts.failures import DocumentError
+from gap_runtime.graph.load import load_workflow
+from gap_runtime.graph.model import Workflow
 
 if TYPE_CHECKING:
     from rich.tree import Tree
@@ -42,7 +42,7 @@ class View:
 
     def tree(self) -> Tree:
         """As a tree for the terminal."""
-        from gap_cli.graph.render.tree import tree
+        from gap_cli.render.tree import tree
 
         return tree(self.workflow, self.story)
 

@@ -6,13 +6,13 @@ import json
 from functools import cache
 from typing import Any, Literal
 
-from gap_cli.contracts.documents import parse_json
-from gap_cli.errors import DocumentError, SandboxError
-from gap_cli.sandbox import verdict
+from gap_cli.sandbox import exit_status as verdict
 from gap_cli.sandbox.confine import Limits
-from gap_cli.sandbox.frames import DeadlineError, FloodError, HangUpError
+from gap_cli.sandbox.framing import DeadlineError, FloodError, HangUpError
 from gap_cli.sandbox.lint import MAX_SOURCE
 from gap_cli.sandbox.server import ForkServer
+from gap_runtime.contracts.documents import parse_json
+from gap_runtime.errors import DocumentError, SandboxError
 
 MAX_OUTPUT = 5_000_000
 MAX_DEPTH = 64

@@ -7,12 +7,12 @@ import sys
 import types
 from typing import Any
 
-from gap_cli.contracts.failures import GapError
-from gap_cli.graph import builder
-from gap_cli.sandbox.blame import blame, remember
+from gap_cli.builder import workflow as builder
 from gap_cli.sandbox.confine import REPLY_FD, REQUEST_FD
-from gap_cli.sandbox.frames import read_frame, write_frame
+from gap_cli.sandbox.error_report import blame, remember
+from gap_cli.sandbox.framing import read_frame, write_frame
 from gap_cli.sandbox.lint import BUILDER, report
+from gap_runtime.contracts.failures import GapError
 
 FILENAME = "<builder>"
 PROVIDED = ("WorkflowSpec", "Subgraph", "Ref", "ServiceCall", "START", "END")

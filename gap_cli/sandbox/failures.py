@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from gap_cli.contracts import failures
-from gap_cli.contracts.failures import BadRequestError, ToolError
-from gap_cli.contracts.wire import pack
-from gap_cli.sandbox.verdict import clean
+from gap_cli.sandbox.exit_status import clean
+from gap_runtime.contracts import failures
+from gap_runtime.contracts.encoding.framing import pack
+from gap_runtime.contracts.failures import BadRequestError, ToolError
 
 KINDS: dict[str, type[ToolError]] = {
     c.__name__: c

@@ -35,12 +35,12 @@ class Dialect:
 
 
 BUILDER = Dialect(
-    "builder code", frozenset({"vos.builder", "vos.runtime.workflow", "gap_cli.graph.builder", "__future__"})
+    "builder code", frozenset({"vos.builder", "vos.runtime.workflow", "gap_cli.builder.workflow", "__future__"})
 )
 SCRIPT = Dialect(
     "a script",
     frozenset(_SCRIPT_MODULES),
-    packages=("gap_cli.contracts",),
+    packages=("gap_runtime.contracts",),
     private=True,
     calls=frozenset(_IO - {"print", "getattr"}),
 )

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from gap_cli.contracts.robot import RobotSpec
+from gap_runtime.contracts.robot import RobotSpec
 
 _SPEC = TypeAdapter(RobotSpec)
 

@@ -10,15 +10,16 @@ from contextlib import AbstractContextManager, nullcontext
 from functools import cache
 from typing import Any
 
-from gap_cli.contracts.failures import BadRequestError, ToolError
-from gap_cli.contracts.robot import RobotSpec
-from gap_cli.contracts.wire import pack, unpack
-from gap_cli.sandbox import robots, warm
-from gap_cli.sandbox.blame import blame, remember
+from gap_cli.sandbox import preload as warm
+from gap_cli.sandbox import robots
 from gap_cli.sandbox.confine import REPLY_FD, REQUEST_FD
+from gap_cli.sandbox.error_report import blame, remember
 from gap_cli.sandbox.failures import described, revived
-from gap_cli.sandbox.frames import read_frame, write_frame
+from gap_cli.sandbox.framing import read_frame, write_frame
 from gap_cli.sandbox.lint import NO_IMPORT, SCRIPT, report
+from gap_runtime.contracts.encoding.framing import pack, unpack
+from gap_runtime.contracts.failures import BadRequestError, ToolError
+from gap_runtime.contracts.robot import RobotSpec
 
 FILENAME = "<script>"
 MODULE = "inline_script"
@@ -102,7 +103,7 @@ def _explained(report: dict[str, Any], error: BaseException) -> dict[str, Any]:
     """The report, with why and what there is instead for a script that wanted to import what is not there."""
     if not isinstance(error, ImportError):
         return report
-    ours = sorted(m for m in sys.modules if m.startswith("gap_cli.contracts."))
+    ours = sorted(m for m in sys.modules if m.startswith("gap_runtime.contracts."))
     return report | {"message": f"{report['message']}: {WHY}", "hint": f"Of the contracts: {', '.join(ours)}."}
 
 

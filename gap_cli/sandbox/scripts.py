@@ -8,18 +8,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Self
 
-from gap_cli.contracts.documents import read_text
-from gap_cli.contracts.failures import CancelledError, PrivilegedReadError, ToolError
-from gap_cli.contracts.robot import RobotSpec
-from gap_cli.contracts.wire import pack, unpack
-from gap_cli.errors import BadRequestError, GapError, SandboxError
-from gap_cli.sandbox import verdict
+from gap_cli.sandbox import exit_status as verdict
 from gap_cli.sandbox.confine import Limits
 from gap_cli.sandbox.failures import described, revived
-from gap_cli.sandbox.frames import DeadlineError, FloodError, HangUpError, Pipes
+from gap_cli.sandbox.framing import DeadlineError, FloodError, HangUpError, Pipes
 from gap_cli.sandbox.lint import MAX_SOURCE
 from gap_cli.sandbox.robots import plain
 from gap_cli.sandbox.server import ForkServer
+from gap_runtime.contracts.documents import read_text
+from gap_runtime.contracts.encoding.framing import pack, unpack
+from gap_runtime.contracts.failures import CancelledError, PrivilegedReadError, ToolError
+from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.errors import BadRequestError, GapError, SandboxError
 
 MAX_MESSAGE = 64_000_000
 MAX_CALLS = 10_000

@@ -16,9 +16,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from gap_cli.errors import SandboxError
 from gap_cli.sandbox.confine import Limits
-from gap_cli.sandbox.frames import Pipes
+from gap_cli.sandbox.framing import Pipes
+from gap_runtime.errors import SandboxError
 
 START_S = 60.0
 ANSWER_S = 20.0

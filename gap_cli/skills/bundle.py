@@ -8,11 +8,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from gap_cli.contracts.documents import parse_yaml, read_text
-from gap_cli.contracts.failures import DocumentError
-from gap_cli.contracts.skill import SkillContract, check_relative
 from gap_cli.skills.facts import meaning
 from gap_cli.skills.frontmatter import parse_skill_md
+from gap_runtime.contracts.documents import parse_yaml, read_text
+from gap_runtime.contracts.failures import DocumentError
+from gap_runtime.contracts.skill import SkillContract, check_relative
 
 SKILL_MD = "SKILL.md"
 CONTRACT_KEY = "gap-contract"

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from gap_cli.contracts.skill import SkillContract
+from gap_runtime.contracts.skill import SkillContract
 
 _FACT = re.compile(r"^(?P<minus>-?)(?P<name>[a-z][a-z0-9_]*)(\((?P<args>[^()]*)\))?$")
 

@@ -7,9 +7,9 @@ from typing import Any
 import yaml
 from pydantic import Field, field_validator
 
-from gap_cli.contracts.documents import check_text, parse_yaml
-from gap_cli.contracts.failures import DocumentError
-from gap_cli.contracts.models import Document
+from gap_runtime.contracts.documents import check_text, parse_yaml
+from gap_runtime.contracts.failures import DocumentError
+from gap_runtime.contracts.models import Document
 
 FENCE = "---"
 

@@ -6,12 +6,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gap_cli.contracts.skill import SkillContract
-from gap_cli.errors import DocumentError, PluginError, UnknownNameError
 from gap_cli.skills.bundle import SKILL_MD, SkillBundle, load_bundle
+from gap_runtime.contracts.skill import SkillContract
+from gap_runtime.errors import DocumentError, PluginError, UnknownNameError
 
 if TYPE_CHECKING:
-    from gap_cli.graph.model import Workflow
+    from gap_runtime.graph.model import Workflow
 
 MAX_SKILLS = 10_000
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from gap_cli.errors import BadRequestError, StorageError
+from gap_runtime.errors import BadRequestError, StorageError
 
 TEMPLATES = Path(__file__).parent / "templates" / "plugin"
 SUFFIX = ".j2"

@@ -1,19 +1,19 @@
-"""Shipped fakes: a world without physics, an arm without motors and a handful of tools, so that graphs run anywhere."""
+"""Shipped fakes of the toolchain: what a validator of fake graphs judges against."""
 
-from gap_cli.testing.graphs import compile_fake, fake_skill, fake_tools, fake_workflow, make_catalog, run_fake
-from gap_cli.testing.tools import FAKE_TOOLS, Sum
-from gap_cli.testing.world import FAKE_ROBOT, FakeArm, FakeWorld
+from __future__ import annotations
 
-__all__ = [
-    "FAKE_ROBOT",
-    "FAKE_TOOLS",
-    "FakeArm",
-    "FakeWorld",
-    "Sum",
-    "compile_fake",
-    "fake_skill",
-    "fake_tools",
-    "fake_workflow",
-    "make_catalog",
-    "run_fake",
-]
+from collections.abc import Mapping
+from typing import Any
+
+from gap_cli.analysis.catalog import Catalog
+from gap_runtime.contracts.tool import Tool
+from gap_runtime.graph.scripts import ScriptSpec
+from gap_runtime.testing import fake_skill, fake_tools
+
+__all__ = ["make_catalog"]
+
+
+def make_catalog(*more: Tool, scripts: Mapping[str, ScriptSpec] | None = None, **skill: Any) -> Catalog:
+    """What the validator judges such a workflow against: the fake tools, `more`, and the skill `fake`."""
+    specs = {name: tool.spec for name, tool in fake_tools(*more).items()}
+    return Catalog(specs, {"fake": fake_skill([t.spec.name for t in more], **skill)}, scripts or {})

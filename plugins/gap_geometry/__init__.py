@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from gap_cli.hookspecs import Register, hookimpl
+from gap_runtime.hookspecs import Register, hookimpl
 
 
 @hookimpl

@@ -7,10 +7,10 @@ from typing import Annotated
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.tool import tool
-from gap_cli.contracts.types import WORLD, Array, OrientedBoundingBox, PointCloud, Quaternion, Vec3
 from gap_geometry.checks import finite_points
 from gap_geometry.clouds import filter_noise
+from gap_runtime.contracts.tool import tool
+from gap_runtime.contracts.types import WORLD, Array, OrientedBoundingBox, PointCloud, Quaternion, Vec3
 
 MIN_POINTS = 4  # fewer span no volume
 ELONGATED = 1.1  # side ratio from which the longer side is the x axis; below, noise would flip it between frames

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gap_cli.contracts.failures import BadRequestError, PerceptionError
-from gap_cli.contracts.types import Array, DepthImage, Matrix3x3, PointCloud, Quaternion
+from gap_runtime.contracts.failures import BadRequestError, PerceptionError
+from gap_runtime.contracts.types import Array, DepthImage, Matrix3x3, PointCloud, Quaternion
 
 
 def finite_points(cloud: PointCloud, *, at_least: int = 1) -> Array:

@@ -6,10 +6,10 @@ from typing import Annotated
 
 import numpy as np
 
-from gap_cli.contracts.failures import BadRequestError, PerceptionError
-from gap_cli.contracts.tool import tool
-from gap_cli.contracts.types import CAMERA, WORLD, Array, DepthImage, Mask, Matrix3x3, PointCloud, Se3Pose, Vec3
 from gap_geometry.checks import finite_points, focal, unit, valid_depth
+from gap_runtime.contracts.failures import BadRequestError, PerceptionError
+from gap_runtime.contracts.tool import tool
+from gap_runtime.contracts.types import CAMERA, WORLD, Array, DepthImage, Mask, Matrix3x3, PointCloud, Se3Pose, Vec3
 
 
 def back_project(depth: DepthImage, intrinsics: Matrix3x3, pixels: Array) -> Array:

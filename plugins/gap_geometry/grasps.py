@@ -7,10 +7,10 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.failures import BadRequestError
-from gap_cli.contracts.tool import ToolContext, tool
-from gap_cli.contracts.types import WORLD, Array, OrientedBoundingBox, Quaternion, Se3Pose, Vec3
 from gap_geometry.checks import finite, unit
+from gap_runtime.contracts.failures import BadRequestError
+from gap_runtime.contracts.tool import ToolContext, tool
+from gap_runtime.contracts.types import WORLD, Array, OrientedBoundingBox, Quaternion, Se3Pose, Vec3
 
 
 class Candidates(NamedTuple):

@@ -6,10 +6,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from gap_cli.contracts.failures import BadRequestError
-from gap_cli.contracts.tool import tool
-from gap_cli.contracts.types import WORLD, OrientedBoundingBox, Vec3
 from gap_geometry.checks import finite
+from gap_runtime.contracts.failures import BadRequestError
+from gap_runtime.contracts.tool import tool
+from gap_runtime.contracts.types import WORLD, OrientedBoundingBox, Vec3
 
 
 class GroundDistance(NamedTuple):

@@ -7,9 +7,12 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from gap_cli.contracts.failures import BadRequestError
-from gap_cli.contracts.tool import ToolContext, tool
-from gap_cli.contracts.types import (
+from gap_geometry.boxes import MIN_POINTS, compute_obb
+from gap_geometry.checks import focal, valid_depth
+from gap_geometry.clouds import cluster, to_frame
+from gap_runtime.contracts.failures import BadRequestError
+from gap_runtime.contracts.tool import ToolContext, tool
+from gap_runtime.contracts.types import (
     WORLD,
     Array,
     CameraObservation,
@@ -20,9 +23,6 @@ from gap_cli.contracts.types import (
     PointCloud,
     WorldConfig,
 )
-from gap_geometry.boxes import MIN_POINTS, compute_obb
-from gap_geometry.checks import focal, valid_depth
-from gap_geometry.clouds import cluster, to_frame
 
 SUPPORT_MARGIN = 0.006  # m above a known support below which a point is taken for the support itself (depth noise)
 # m a robot's surface may lie outside its planning spheres (covers, cables) plus calibration error: unmasked, the
@@ -122,7 +122,7 @@ def _above_supports(ctx: ToolContext, points: Array, free: Array) -> Array:
 
 def on_robot(ctx: ToolContext, points: Array, joints: JointState) -> Array:
     """Which of the points (N, 3) [m] are on the first arm at `joints`, its jaws as wide as they are now; shape (N,)."""
-    from gap_motion.kinematics import sphere_centers
+    from gap_motion.kinematics.chain import sphere_centers
 
     spec, arm = ctx.robot(), ctx.world.arms[0]
     centers = to_frame(sphere_centers(spec, joints.positions, arm.state().gripper.width), arm.base_pose)
@@ -170,7 +170,7 @@ def _obstacle(name: str, points: Array, voxel_size: float | None) -> Obstacle | 
 
 
 def _supports(ctx: ToolContext) -> list[Obstacle]:
-    from gap_cli.contracts.types import Quaternion, Vec3
+    from gap_runtime.contracts.types import Quaternion, Vec3
 
     depth = 0.05
     return [

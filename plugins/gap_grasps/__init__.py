@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from gap_cli.contracts.bench import BenchReport, Progress
-from gap_cli.hookspecs import Register, hookimpl
+from gap_runtime.contracts.bench import BenchReport, Progress
+from gap_runtime.hookspecs import Register, hookimpl
 
 
 @hookimpl
@@ -21,6 +21,6 @@ def gap_register_benchmarks(register: Register) -> None:
 
 def _grasps(progress: Progress) -> BenchReport:
     """Grasps executed in physics, by generator, object and score."""
-    from gap_grasps.bench_run import run
+    from gap_grasps.bench.run import run
 
     return run(progress)

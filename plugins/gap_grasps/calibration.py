@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from gap_cli.contracts.types import Array
 from gap_grasps.robustness import Measures
+from gap_runtime.contracts.types import Array
 
 FILE = Path(__file__).with_name("calibration.json")
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from gap_cli.contracts.robot import GripperSpec, RobotSpec
-from gap_cli.contracts.types import Array
-from gap_grasps.nearby import nearby
+from gap_grasps.neighbour_objects import nearby
+from gap_runtime.contracts.robot import GripperSpec, RobotSpec
+from gap_runtime.contracts.types import Array
 
 SUPPORT_GAP = 0.003  # m the hand stays above the support
 FINGER_GAP = 0.0015  # m the fingers stay away from points, and
@@ -29,7 +29,7 @@ class Hand(NamedTuple):
     @classmethod
     def of(cls, spec: RobotSpec) -> Hand:
         """The hand of a robot: the collision spheres of its flange link, and of what is fixed to that."""
-        from gap_motion.kinematics import chain as chain_of
+        from gap_motion.kinematics.chain import chain as chain_of
 
         chain = chain_of(spec)
         fixed = {n: k for n, k in chain.links.items() if k.frame == chain.dof - 1 and not k.slide.any()}

@@ -13,11 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from gap_cli.contracts.cell import Cell
-from gap_cli.contracts.types import Array, Se3Pose
-from gap_grasps.bench_draws import pool_of
-from gap_grasps.bench_run import UNSHARED, Job, Row, jobs, measured, rows_of
-from gap_grasps.bench_try import Ranked, Seen, was_tried
+from gap_grasps.bench.execution import Ranked, Seen, was_tried
+from gap_grasps.bench.run import UNSHARED, Job, Row, jobs, measured, rows_of
+from gap_grasps.bench.sampling import pool_of
 from gap_grasps.calibration import FILE
 from gap_grasps.clearance import Hand
 from gap_grasps.generate import prepare
@@ -25,6 +23,8 @@ from gap_grasps.pose_error import DECLARED
 from gap_grasps.reliability import auc, bins, ranking
 from gap_grasps.robustness import Measures, measure
 from gap_grasps.support import support_below
+from gap_runtime.contracts.standalone import Cell
+from gap_runtime.contracts.types import Array, Se3Pose
 
 SCHEMA = "gap/grasp-calibration/v1"
 RIDGE = 0.1  # strength of the pull of weights towards 0

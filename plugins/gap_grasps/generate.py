@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gap_cli.contracts.failures import BadRequestError, PerceptionError
-from gap_cli.contracts.types import Array
 from gap_grasps.clearance import Hand, above, clear_of
 from gap_grasps.sampling import antipodal_pairs, poses_around
 from gap_grasps.scoring import score_poses
 from gap_grasps.surface import Surface, closed_surface, seen_surface, thinned
+from gap_runtime.contracts.failures import BadRequestError, PerceptionError
+from gap_runtime.contracts.types import Array
 
 MIN_POINTS = 30  # fewer do not show a surface
 MAX_POINTS = 6000  # more add nothing at a pad's size and cost time

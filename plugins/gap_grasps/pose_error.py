@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.special import ndtri
 
-from gap_cli.contracts.types import Array, Quaternion, Se3Pose, Vec3
+from gap_runtime.contracts.types import Array, Quaternion, Se3Pose, Vec3
 
 SPREAD = 16
 

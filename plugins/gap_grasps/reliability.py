@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gap_cli.contracts.types import Array
+from gap_runtime.contracts.types import Array
 
 BINS = (0.0, 0.2, 0.4, 0.6, 0.7, 0.8, 0.9, 1.0)  # of scores; finer where the grasps are that anyone would take
 RESAMPLES = 1000

@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gap_cli.contracts.types import Array
 from gap_grasps.clearance import SHADOW, STRAY, Hand, above, palm_room
-from gap_grasps.nearby import Nearby, nearby
+from gap_grasps.neighbour_objects import Nearby, nearby
 from gap_grasps.pose_error import DECLARED, SPREAD, PoseError, spread
 from gap_grasps.sampling import FRICTION, THINNEST
 from gap_grasps.surface import Surface
+from gap_runtime.contracts.types import Array
 
 PATCHES = (3, 3)  # parts of a pad, along its width and along the approach, that may or may not meet the object
 SKIN = 0.003  # m: points this near to the outermost one touch the pad too

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from gap_cli.contracts.types import Array
 from gap_grasps.surface import Surface
+from gap_runtime.contracts.types import Array
 
 FRICTION = 0.5  # coefficient a pair must hold with: rubber pads on cardboard or tin, on the careful side
 LINE_RADIUS = 0.004  # m: how far from the closing line the opposite contact may lie

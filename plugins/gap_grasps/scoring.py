@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from gap_cli.contracts.types import Array
 from gap_grasps.calibration import fitted
 from gap_grasps.clearance import Hand
 from gap_grasps.robustness import measure
 from gap_grasps.surface import Surface
+from gap_runtime.contracts.types import Array
 
 DIGITS = 2  # of a score: smaller differences are below what the measures' misplacements resolve
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from gap_cli.contracts.tool import ToolContext
-from gap_cli.contracts.types import Array
 from gap_grasps.surface import thinned
+from gap_runtime.contracts.tool import ToolContext
+from gap_runtime.contracts.types import Array
 
 SUPPORT_MARGIN = 0.006  # m above a support below which scene points are the support's own
 AROUND = 0.15  # m beside the target in which its support is looked for

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.ndimage import grey_closing
 from scipy.spatial import cKDTree
 
-from gap_cli.contracts.scripting import cell_numbers
-from gap_cli.contracts.types import Array
+from gap_runtime.contracts.scripting import cell_numbers
+from gap_runtime.contracts.types import Array
 
 SPACING = 0.003  # m between the points of a surface, and the side of a height map's cells
 NEIGHBOURS = 12  # for a local plane: about the area of a fingertip

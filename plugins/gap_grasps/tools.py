@@ -7,9 +7,13 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.failures import BadRequestError
-from gap_cli.contracts.tool import ToolContext, tool
-from gap_cli.contracts.types import (
+from gap_grasps.clearance import Hand, above, clear_of
+from gap_grasps.generate import Grasps, generate, prepare
+from gap_grasps.scoring import score_poses
+from gap_grasps.support import NEARBY, SUPPORT_MARGIN, others, plane_around, support_below, within
+from gap_runtime.contracts.failures import BadRequestError
+from gap_runtime.contracts.tool import ToolContext, tool
+from gap_runtime.contracts.types import (
     CAMERA,
     WORLD,
     Array,
@@ -21,10 +25,6 @@ from gap_cli.contracts.types import (
     Se3Pose,
     Vec3,
 )
-from gap_grasps.clearance import Hand, above, clear_of
-from gap_grasps.generate import Grasps, generate, prepare
-from gap_grasps.scoring import score_poses
-from gap_grasps.support import NEARBY, SUPPORT_MARGIN, others, plane_around, support_below, within
 
 DOWN = np.array([0.0, 0.0, -1.0])
 FORWARD = np.array([0.0, 0.0, 1.0])  # along the view, in the camera frame

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from gap_cli.contracts.tool import ToolContext, serves
-from gap_cli.contracts.types import WORLD, JointState, Se3Pose, Vec3, WorldConfig
 from gap_hf.curobo_search import search
 from gap_hf.loading import DEADLINE_S
-from gap_motion import tools_plan as contracts
-from gap_motion.checker import MARGIN
-from gap_motion.situation import Situation
-from gap_motion.tools_plan import GraspPlan, Plan, grasp_plan, pose_plan
+from gap_motion.collision.checker import MARGIN
+from gap_motion.planning.planning_scene import Situation
+from gap_motion.tools import plan as contracts
+from gap_motion.tools.plan import GraspPlan, Plan, grasp_plan, pose_plan
+from gap_runtime.contracts.tool import ToolContext, serves
+from gap_runtime.contracts.types import WORLD, JointState, Se3Pose, Vec3, WorldConfig
 
 
 @serves(contracts.plan_to_grasp_poses, provider="hf", deadline_s=DEADLINE_S)

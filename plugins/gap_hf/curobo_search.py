@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.failures import PlanningError, ToolError
-from gap_cli.contracts.types import Array
-from gap_hf import published
-from gap_motion.checker import Checker
-from gap_motion.edges import Edges
+from gap_hf.grasps import research_packages as published
+from gap_motion.collision.checker import Checker
+from gap_motion.collision.primitives import Box, Primitives
 from gap_motion.failures import joint_range
-from gap_motion.ik_numeric import spread
-from gap_motion.kinematics import Chain
-from gap_motion.planner import shortcut
-from gap_motion.primitives import Box, Primitives
+from gap_motion.kinematics.chain import Chain
+from gap_motion.kinematics.damped_least_squares import spread
+from gap_motion.planning.motion_validator import Edges
+from gap_motion.planning.planner import shortcut
+from gap_runtime.contracts.failures import PlanningError, ToolError
+from gap_runtime.contracts.types import Array
 
 ROBOT = "GAP_HF_CUROBO_ROBOT"
 ROBOTS = {"panda": "franka.yml", "ur5e": "ur5e.yml"}  # of the configurations cuRobo comes with

@@ -8,9 +8,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from gap_cli.contracts.failures import GapError, ToolError
-from gap_hf.placement import Placement, computing, keep_exact, placement
+from gap_hf.device import Placement, computing, keep_exact, placement
 from gap_hf.settings import WEIGHTS, example, source, variable
+from gap_runtime.contracts.failures import GapError, ToolError
 
 INSTALL = "pip install 'gap-cli[hf]'"
 DEADLINE_S = 300.0  # of a tool here: its first call in a process reads gigabytes of weights

@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from gap_cli.contracts.failures import ToolError
+from gap_runtime.contracts.failures import ToolError
 
 DEVICE, DTYPE = "GAP_HF_DEVICE", "GAP_HF_DTYPE"
 DTYPES = ("float32", "bfloat16", "float16")

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 from typing import Any
 
-from gap_cli.hookspecs import Register, hookimpl
+from gap_runtime.hookspecs import Register, hookimpl
 
 
 @hookimpl
 def gap_register_tools(register: Register) -> None:
-    from gap_motion import (
-        tools_arms,
-        tools_check,
-        tools_control,
-        tools_gripper,
-        tools_lines,
-        tools_plan,
-        tools_pyroki,
-        tools_torch,
-        vamp_arm,
-        vamp_tools,
-    )
+    from gap_motion.tools import arms as tools_arms
+    from gap_motion.tools import check as tools_check
+    from gap_motion.tools import control as tools_control
+    from gap_motion.tools import gripper as tools_gripper
+    from gap_motion.tools import lines as tools_lines
+    from gap_motion.tools import plan as tools_plan
+    from gap_motion.tools import pyroki as tools_pyroki
+    from gap_motion.tools import torch as tools_torch
+    from gap_motion.vamp import arm as vamp_arm
+    from gap_motion.vamp import tools as vamp_tools
 
     modules = [
         tools_control,
@@ -42,7 +40,7 @@ def gap_register_tools(register: Register) -> None:
 @hookimpl
 def gap_register_benchmarks(register: Register) -> None:
     def motion(progress: Any) -> Any:
-        from gap_motion.bench import motion
+        from gap_motion.bench.motion import motion
 
         return motion(progress)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gap_cli.contracts.failures import PlanningError
-from gap_cli.contracts.robot import RobotSpec
-from gap_cli.contracts.types import Array
+from gap_runtime.contracts.failures import PlanningError
+from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.contracts.types import Array
 
 
 def unreachable(what: str, distance: float, reach: float) -> PlanningError:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from gap_cli.contracts.types import Array
-from gap_motion.requests import Cell
+from gap_motion.arguments import Cell
+from gap_runtime.contracts.types import Array
 
 
 def at_rest(cell: Cell) -> Array:

@@ -6,11 +6,11 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
-from gap_cli.contracts.robot import RobotSpec
-from gap_cli.contracts.task import Task
-from gap_cli.hookspecs import Register, hookimpl
+from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.contracts.task import Task
+from gap_runtime.hookspecs import Register, hookimpl
 
-# Left to itself `import mujoco` loads GLFW, which warns on every machine without a screen; gap_mujoco.gl draws.
+# By default `import mujoco` loads GLFW, which warns on every machine without a screen; rendering.gl draws instead.
 os.environ.setdefault("MUJOCO_GL", "off")
 
 
@@ -39,6 +39,6 @@ def _world(task: Task, scene: str, robots: Mapping[str, RobotSpec]) -> Any:
 
 
 def _rendering() -> str:
-    from gap_mujoco.gl import probe
+    from gap_mujoco.rendering.gl import probe
 
     return f"software OpenGL by {probe()}"

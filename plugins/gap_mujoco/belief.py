@@ -13,12 +13,12 @@ from dm_control.composer import variation
 from dm_control.composer.variation import distributions
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.failures import TaskInfeasibleError, UnknownNameError
-from gap_cli.contracts.robot import RobotSpec
-from gap_cli.contracts.task import Distribution, Placement, Task
-from gap_cli.contracts.types import Array, Quaternion, Se3Pose, Vec3
-from gap_cli.contracts.world import Instance
-from gap_mujoco.footprint import footprint, gap
+from gap_mujoco.model.footprint import footprint, gap
+from gap_runtime.contracts.failures import TaskInfeasibleError, UnknownNameError
+from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.contracts.task import Distribution, Placement, Task
+from gap_runtime.contracts.types import Array, Quaternion, Se3Pose, Vec3
+from gap_runtime.contracts.world import Instance
 
 Draw = dict[str, tuple[Array, float]]  # by object: xy in the world [m], yaw [rad]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from gap_cli.contracts.failures import MotionError
-from gap_cli.contracts.types import Trajectory
-from gap_mujoco.drive import Drive
-from gap_mujoco.motion import Motion
+from gap_mujoco.control.joint_controller import Drive
+from gap_mujoco.control.trajectory_follower import Motion
+from gap_runtime.contracts.failures import MotionError
+from gap_runtime.contracts.types import Trajectory
 
 
 @dataclass(frozen=True)

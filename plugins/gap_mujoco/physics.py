@@ -9,9 +9,9 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
-from gap_cli.contracts.failures import GapError, SimulationDivergedError
-from gap_mujoco.compiled import TIMESTEP
-from gap_mujoco.scene import Scene
+from gap_mujoco.model.compiled import TIMESTEP
+from gap_mujoco.model.scene import Scene
+from gap_runtime.contracts.failures import GapError, SimulationDivergedError
 
 _MAX_SPEED = 100.0  # m/s or rad/s: nothing in a cell moves faster and is still physics
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from gap_cli.contracts.failures import BadRequestError, UnknownNameError
-from gap_cli.contracts.predicates import evaluate
-from gap_cli.contracts.snapshot import WorldSnapshot
-from gap_cli.contracts.task import Task
+from gap_runtime.contracts.failures import BadRequestError, UnknownNameError
+from gap_runtime.contracts.predicates import evaluate
+from gap_runtime.contracts.snapshot import WorldSnapshot
+from gap_runtime.contracts.task import Task
 
 
 def conditions(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from gap_cli.contracts.failures import BadRequestError, MotionError, UnknownNameError
-from gap_cli.contracts.tool import ToolContext, tool
-from gap_cli.contracts.types import (
+from gap_runtime.contracts.failures import BadRequestError, MotionError, UnknownNameError
+from gap_runtime.contracts.tool import ToolContext, tool
+from gap_runtime.contracts.types import (
     ArmState,
     CameraObservation,
     JointState,
@@ -124,7 +124,7 @@ def move_to_joints(
     `truncated` says that it did not get there, to within `tolerance` [rad]. Raises `BadRequestError` when the motion
     needs more than `max_steps` control steps, `MotionError` when something is in the way.
     """
-    from gap_mujoco.joint_move import joint_move
+    from gap_mujoco.control.point_to_point import joint_move
 
     arm = ctx.world.arms[0]
     arm.finish()
@@ -171,7 +171,7 @@ def check_task_completion(ctx: ToolContext, target: str = "", container: str = "
 @tool("sim_bridge.EnableVideoCapture", effect="sense", privileged=True)
 def enable_video_capture(ctx: ToolContext, enabled: bool, clear: bool) -> None:
     """Start or stop filming the first camera at 20 frames per second of world time; `clear` forgets what was filmed."""
-    from gap_mujoco.film import Reel
+    from gap_mujoco.rendering.video import Reel
 
     reel = ctx.state.setdefault(FILM, Reel(ctx.world.camera_names[0]))
     if clear:
@@ -185,7 +185,7 @@ def enable_video_capture(ctx: ToolContext, enabled: bool, clear: bool) -> None:
 @tool("sim_bridge.SaveVideo", effect="sense", deadline_s=60, privileged=True)
 def save_video(ctx: ToolContext, output_path: str, clear: bool, fps: int = 20) -> Film:
     """Write what was filmed to an .mp4 file; `clear` forgets it afterwards. Raises `BadRequestError`."""
-    from gap_mujoco.film import Reel
+    from gap_mujoco.rendering.video import Reel
 
     reel = ctx.state.get(FILM)
     if not isinstance(reel, Reel) or not len(reel):

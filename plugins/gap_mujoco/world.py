@@ -6,24 +6,24 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from gap_cli.contracts.failures import BadRequestError, GapError, TaskInfeasibleError, UnknownNameError
-from gap_cli.contracts.privilege import assert_privileged, current_node
-from gap_cli.contracts.robot import RobotSpec
-from gap_cli.contracts.snapshot import WorldSnapshot
-from gap_cli.contracts.task import Task
-from gap_cli.contracts.types import CameraObservation, Mask, Observation, Se3Pose, Trajectory
-from gap_cli.contracts.world import Instance, WorldFrame
 from gap_mujoco import commands
 from gap_mujoco.arm import SimArm
 from gap_mujoco.belief import Belief
-from gap_mujoco.camera import Renderer, camera_pose, observe
-from gap_mujoco.drive import Drive
-from gap_mujoco.listeners import Ear
-from gap_mujoco.noise import SensorNoise
+from gap_mujoco.control.joint_controller import Drive
+from gap_mujoco.ground_truth import Truth, pose_qpos
+from gap_mujoco.model.scene import compose
 from gap_mujoco.physics import Physics
-from gap_mujoco.scene import compose
+from gap_mujoco.rendering.camera import Renderer, camera_pose, observe
+from gap_mujoco.rendering.noise import SensorNoise
+from gap_mujoco.subscriptions import Ear
 from gap_mujoco.thread import WorldThread
-from gap_mujoco.truth import Truth, pose_qpos
+from gap_runtime.contracts.failures import BadRequestError, GapError, TaskInfeasibleError, UnknownNameError
+from gap_runtime.contracts.privilege import assert_privileged, current_node
+from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.contracts.snapshot import WorldSnapshot
+from gap_runtime.contracts.task import Task
+from gap_runtime.contracts.types import CameraObservation, Mask, Observation, Se3Pose, Trajectory
+from gap_runtime.contracts.world import Instance, WorldFrame
 
 SETTLE_MIN, SETTLE_MAX = 0.1, 1.5  # [s] physics may take to bring placed objects to rest
 SETTLE_TOLERANCE = 0.005  # [m] an object may move while it comes to rest
@@ -166,7 +166,7 @@ class MujocoWorld:
         return self._noise.calibrated(name, true)
 
     def execute(self, motions: Mapping[int, Trajectory], *, tolerance: float = 0.01) -> None:
-        """Move several arms at once; see `gap_cli.contracts.world.LockstepWorld.execute`."""
+        """Move several arms at once; see `gap_runtime.contracts.world.LockstepWorld.execute`."""
         unknown = sorted(set(motions) - set(range(len(self._arms))))
         if unknown:
             raise UnknownNameError("arm", str(unknown[0]), [str(i) for i in range(len(self._arms))])

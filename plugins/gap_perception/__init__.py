@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from gap_cli.contracts.bench import BenchReport, Progress
-from gap_cli.hookspecs import Register, hookimpl
+from gap_runtime.contracts.bench import BenchReport, Progress
+from gap_runtime.hookspecs import Register, hookimpl
 
 
 @hookimpl
 def gap_register_tools(register: Register) -> None:
-    from gap_perception import detect, language, mesh, observation, segment, tracker
+    from gap_perception import detect, observation, segment
+    from gap_perception.language import tools as language
+    from gap_perception.models import tools as mesh
+    from gap_perception.tracking import tools as tracker
 
     for module in (observation, detect, segment, language, tracker, mesh):
         for tool in module.TOOLS:
@@ -36,6 +39,6 @@ def gap_register_benchmarks(register: Register) -> None:
 
 def _perception(progress: Progress) -> BenchReport:
     """Detection, masks and boxes on random cluttered scenes, by sensor, clutter and object."""
-    from gap_perception.bench_run import run
+    from gap_perception.bench.run import run
 
     return run(progress)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from gap_cli.contracts.failures import BadRequestError
-from gap_cli.contracts.tool import ToolContext
-from gap_cli.contracts.types import Array, BoundingBox2D, Image
-from gap_perception.views import Candidate, see
+from gap_perception.models.views import Candidate, see
+from gap_runtime.contracts.failures import BadRequestError
+from gap_runtime.contracts.tool import ToolContext
+from gap_runtime.contracts.types import Array, BoundingBox2D, Image
 
 FILLS = 0.3  # overlap (intersection over union of boxes) from which a segment is offered
 PART = 0.6  # below this best overlap, the box means a part of something

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from gap_cli.contracts.failures import BadRequestError
-from gap_cli.contracts.tool import ToolContext, tool
-from gap_cli.contracts.types import Detection, Image
 from gap_perception.frames import DEADLINE_S
+from gap_runtime.contracts.failures import BadRequestError
+from gap_runtime.contracts.tool import ToolContext, tool
+from gap_runtime.contracts.types import Detection, Image
 
 MAX_PHRASES = 64
 
@@ -46,9 +46,9 @@ def owlvit_detect(ctx: ToolContext, image: Image, text_queries: list[str], score
 def _detect(
     ctx: ToolContext, image: Image, phrases: Sequence[str], box_threshold: float, text_threshold: float
 ) -> Detections:
-    from gap_perception.phrases import read_phrase
-    from gap_perception.relations import matches
-    from gap_perception.views import see
+    from gap_perception.language.phrases import read_phrase
+    from gap_perception.language.relations import matches
+    from gap_perception.models.views import see
 
     for name, value in (("box_threshold", box_threshold), ("text_threshold", text_threshold)):
         if not 0 <= value <= 1:

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gap_cli.contracts.tool import OBSERVED
-from gap_cli.contracts.types import CameraObservation, Image, Observation
+from gap_runtime.contracts.tool import OBSERVED
+from gap_runtime.contracts.types import CameraObservation, Image, Observation
 
 KEEP = 6  # observations; a node looks at the latest, a comparison at the one before
 DEADLINE_S = 30.0  # of a tool that looks at frames: the first look in a process renders the object models

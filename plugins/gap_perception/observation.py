@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from gap_cli.contracts.failures import UnknownNameError
-from gap_cli.contracts.tool import ToolContext, tool
-from gap_cli.contracts.types import WORLD, ArmState, CameraObservation, Se3Pose
 from gap_perception.frames import remember
+from gap_runtime.contracts.failures import UnknownNameError
+from gap_runtime.contracts.tool import ToolContext, tool
+from gap_runtime.contracts.types import WORLD, ArmState, CameraObservation, Se3Pose
 
 
 class Sensed(NamedTuple):

@@ -7,15 +7,15 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from gap_cli.contracts.task import Shape
-from gap_cli.contracts.tool import ToolContext
-from gap_cli.contracts.types import Array, Image
-from gap_cli.contracts.vessels import body_centre
 from gap_perception.frames import Found, find
-from gap_perception.phrases import Phrase, read_phrase
-from gap_perception.relations import matches
-from gap_perception.views import Candidate, ImageView, box_of
-from gap_perception.vocabulary import Vocabulary
+from gap_perception.language.phrases import Phrase, read_phrase
+from gap_perception.language.relations import matches
+from gap_perception.language.vocabulary import Vocabulary
+from gap_perception.models.views import Candidate, ImageView, box_of
+from gap_runtime.contracts.container_geometry import body_centre
+from gap_runtime.contracts.task import Shape
+from gap_runtime.contracts.tool import ToolContext
+from gap_runtime.contracts.types import Array, Image
 
 RIM = 0.012  # m below the top that counts as the rim: what pads of a gripper hold it by
 MIN_PIXELS = 12  # fewer of a part say nothing about where it is

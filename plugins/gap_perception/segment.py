@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from gap_cli.contracts.failures import BadRequestError
-from gap_cli.contracts.tool import ToolContext, tool
-from gap_cli.contracts.types import BoundingBox2D, Image, Mask
 from gap_perception.frames import DEADLINE_S
+from gap_runtime.contracts.failures import BadRequestError
+from gap_runtime.contracts.tool import ToolContext, tool
+from gap_runtime.contracts.types import BoundingBox2D, Image, Mask
 
 if TYPE_CHECKING:
-    from gap_cli.contracts.types import Array
+    from gap_runtime.contracts.types import Array
 
 
 class Segments(NamedTuple):
@@ -35,10 +35,10 @@ def sam3_segment_text(ctx: ToolContext, image: Image, text_prompt: str) -> Named
     It may also name a part, `handle` or `rim`, of an object whose model has one: "handle of the frying pan", "rim".
     Raises `BadRequestError` for an empty prompt.
     """
+    from gap_perception.language.phrases import read_phrase
+    from gap_perception.language.relations import matches
+    from gap_perception.models.views import see
     from gap_perception.parts import named_parts
-    from gap_perception.phrases import read_phrase
-    from gap_perception.relations import matches
-    from gap_perception.views import see
 
     if not text_prompt.strip():
         raise BadRequestError("empty", "The text prompt is empty; write what to segment.")
@@ -106,7 +106,7 @@ TEXT_SCORE = 0.2  # probability from which SegmentText returns a segment, as Det
 
 
 def _at_point(ctx: ToolContext, image: Image, x: int, y: int) -> Segments:
-    from gap_perception.views import see
+    from gap_perception.models.views import see
 
     check_pixel(image, x, y)
     hit = [c for c in see(ctx, image).candidates if c.mask[y, x]]

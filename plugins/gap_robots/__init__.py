@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from gap_cli.contracts.robot import RobotSpec
-from gap_cli.hookspecs import Register, hookimpl
+from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.hookspecs import Register, hookimpl
 
 
 def arms() -> tuple[RobotSpec, ...]:

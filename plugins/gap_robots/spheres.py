@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from gap_cli.contracts.robot import CollisionSphere
-from gap_cli.contracts.types import Array
+from gap_runtime.contracts.robot import CollisionSphere
+from gap_runtime.contracts.types import Array
 
 SPACING = 0.9  # of the radius of a capsule, between centres: the spheres then stick out by at most 10 % of it
 CELL = 0.011  # m: a box is cut into cells of about this size, but never into more than MAX_CELLS along an axis

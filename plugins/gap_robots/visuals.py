@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gap_cli.contracts.robot import RobotSpec
+from gap_runtime.contracts.robot import RobotSpec
 
 SHELL = (0.93, 0.93, 0.92, 1.0)
 DARK = (0.22, 0.23, 0.25, 1.0)

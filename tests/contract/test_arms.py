@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gap_cli.contracts.task import load_task
-from gap_cli.contracts.types import Trajectory
-from gap_cli.testing import FakeWorld
+from gap_runtime.contracts.task import load_task
+from gap_runtime.contracts.types import Trajectory
+from gap_runtime.testing import FakeWorld
 
 TASK = Path(__file__).parents[2] / "tasks" / "fulfill-grocery"
 LONG = 1.0  # s

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from skills_ref import validate as skills_ref_validate
 
-from gap_cli.author.proof import check_skill, draft_alone
-from gap_cli.graph.checkpoints import parse_checkpoints
-from gap_cli.graph.scripts import read_signature
-from gap_cli.plugins import load_registry
+from gap_cli.author.skill_check import check_skill, draft_alone
 from gap_cli.skills import load_library
+from gap_runtime.graph.checkpoints import parse_checkpoints
+from gap_runtime.graph.scripts import read_signature
+from gap_runtime.plugins import load_registry
 
 REGISTRY = load_registry()
 LIBRARY = load_library(REGISTRY.skill_paths)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from gap_cli.contracts.codec import from_plain, to_plain
-from gap_cli.plugins import load_registry
+from gap_runtime.contracts.encoding.codec import from_plain, to_plain
+from gap_runtime.plugins import load_registry
 
 CATALOGUE = json.loads((Path(__file__).parent / "catalogue.json").read_text())
 REGISTRY = load_registry(entry_points=False)

@@ -39,20 +39,22 @@ class Cell:
 
 
 @pytest.fixture(scope="session")
-def wheel(tmp_path_factory):
+def wheels(tmp_path_factory):
+    """Of the run time and of the toolchain."""
     out = tmp_path_factory.mktemp("wheel")
-    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(out), str(ROOT)]
-    subprocess.run(build, check=True, capture_output=True, timeout=120)
-    return next(out.glob("*.whl"))
+    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(out)]
+    for project in (ROOT / "gap_runtime", ROOT):
+        subprocess.run([*build, str(project)], check=True, capture_output=True, timeout=120)
+    return sorted(out.glob("*.whl"))
 
 
 @pytest.fixture
-def cell(tmp_path, wheel):
+def cell(tmp_path, wheels):
     """Fresh each time; the checkout is not on its path."""
     home = tmp_path / "venv"
     venv.create(home, with_pip=False, symlinks=True)
     packages = next(home.glob("lib/python*/site-packages"))
     (packages / "lent-dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
     cell = Cell(home)
-    cell.install(wheel)
+    cell.install(*wheels)
     return cell

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gap_grasps.bench import DRAWN
-from gap_grasps.bench_objects import LIES
-from gap_grasps.bench_run import job_rows
+from gap_grasps.bench.grasps import DRAWN
+from gap_grasps.bench.objects import LIES
+from gap_grasps.bench.run import job_rows
 
 pytestmark = pytest.mark.sim
 SEED = 1  # a development seed, lying

@@ -8,22 +8,22 @@ import sys
 
 import pytest
 
-from gap_cli.artifacts.asked import Asked
-from gap_cli.artifacts.canonical import write_json, write_text
-from gap_cli.artifacts.run import Run
-from gap_cli.artifacts.stages import digest
-from gap_cli.graph.dump import dump_workflow
-from gap_cli.testing import fake_workflow
+from gap_cli.workspace.canonical import write_json, write_text
+from gap_cli.workspace.run import Run
+from gap_cli.workspace.run_config import Asked
+from gap_cli.workspace.stages import digest
+from gap_runtime.graph.dump import dump_workflow
+from gap_runtime.testing import fake_workflow
 
 PLUGIN = '''
 import ctypes, json, os, signal, time
 from dataclasses import replace
 from pathlib import Path
-from gap_cli.contracts.failures import GraspError, SimulationDivergedError
-from gap_cli.contracts.tool import ToolContext, tool
-from gap_cli.contracts.types import Vec3
-from gap_cli.hookspecs import hookimpl
-from gap_cli.testing import FAKE_ROBOT, FAKE_TOOLS, FakeWorld
+from gap_runtime.contracts.failures import GraspError, SimulationDivergedError
+from gap_runtime.contracts.tool import ToolContext, tool
+from gap_runtime.contracts.types import Vec3
+from gap_runtime.hookspecs import hookimpl
+from gap_runtime.testing import FAKE_ROBOT, FAKE_TOOLS, FakeWorld
 
 HERE = Path(__file__).parent
 
@@ -72,7 +72,7 @@ class Elsewhere:
     """Rolls out nothing, and says how it was asked."""
     def __init__(self, workers): self.workers = workers
     def run(self, job, seeds, report, stop):
-        from gap_cli.contracts.engine import EpisodeResult
+        from gap_runtime.contracts.engine import EpisodeResult
         for seed in seeds:
             reason = f"{self.workers} workers, recording {job.record}"
             row = {"seed": seed, "status": "crashed", "success": False, "void": True, "reason": reason}

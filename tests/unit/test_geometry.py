@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.failures import BadRequestError, PerceptionError
-from gap_cli.contracts.types import (
+from gap_geometry import boxes, clouds, grasps, placement
+from gap_runtime.contracts.failures import BadRequestError, PerceptionError
+from gap_runtime.contracts.types import (
     DepthImage,
     Mask,
     Matrix3x3,
@@ -19,7 +20,6 @@ from gap_cli.contracts.types import (
     Se3Pose,
     Vec3,
 )
-from gap_geometry import boxes, clouds, grasps, placement
 
 K = Matrix3x3([[500, 0, 31.5], [0, 500, 23.5], [0, 0, 1]])
 ANY_POSE = Se3Pose(Vec3(0.3, -0.2, 0.8), Quaternion.of(Rotation.from_euler("xyz", [2.5, 0.2, -1.0])))

@@ -7,8 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import BadRequestError
-from gap_cli.contracts.types import (
+from gap_geometry.scene import build_world_config, on_robot
+from gap_runtime.contracts.failures import BadRequestError
+from gap_runtime.contracts.types import (
     CameraObservation,
     DepthImage,
     Image,
@@ -21,7 +22,6 @@ from gap_cli.contracts.types import (
     Se3Pose,
     Vec3,
 )
-from gap_geometry.scene import build_world_config, on_robot
 
 DOWN = Se3Pose(Vec3(0.0, 0.0, 1.0), Quaternion(0.0, 1.0, 0.0, 0.0))  # a camera one metre up, looking straight down
 IDENTITY = Quaternion(1.0, 0.0, 0.0, 0.0)
@@ -92,7 +92,7 @@ def test_the_robot_is_no_obstacle():
 
 
 def test_the_jaws_are_left_out_where_they_are():
-    from gap_motion.kinematics import sphere_centers
+    from gap_motion.kinematics.chain import sphere_centers
     from gap_robots import arms
 
     for robot in arms():

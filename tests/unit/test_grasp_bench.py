@@ -8,18 +8,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import SimulationDivergedError
-from gap_cli.contracts.task import load_task
-from gap_cli.contracts.types import Quaternion, Se3Pose, Vec3
-from gap_grasps.bench import DRAWN
-from gap_grasps.bench_draws import drawn_evenly
-from gap_grasps.bench_objects import LIES, REGION, STANDS, bench_task, place, rest, subjects
-from gap_grasps.bench_report import report
-from gap_grasps.bench_run import CHUNK, jobs
-from gap_grasps.bench_sheet import COLUMNS, TILE, sheet, worst
-from gap_grasps.bench_sight import handle_of
-from gap_grasps.bench_try import VOID, execute, was_tried
+from gap_grasps.bench.execution import VOID, execute, was_tried
+from gap_grasps.bench.grasps import DRAWN
+from gap_grasps.bench.objects import LIES, REGION, STANDS, bench_task, place, rest, subjects
+from gap_grasps.bench.perception import handle_of
+from gap_grasps.bench.report import report
+from gap_grasps.bench.run import CHUNK, jobs
+from gap_grasps.bench.sampling import drawn_evenly
+from gap_grasps.bench.sheet import COLUMNS, TILE, sheet, worst
 from gap_robots.panda import panda
+from gap_runtime.contracts.failures import SimulationDivergedError
+from gap_runtime.contracts.task import load_task
+from gap_runtime.contracts.types import Quaternion, Se3Pose, Vec3
 
 TASK = bench_task(load_task(Path(__file__).parents[2] / "tasks" / "fulfill-grocery"))
 

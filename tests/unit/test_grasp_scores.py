@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.types import PointCloud, Quaternion, Se3Pose, Vec3
 from gap_grasps import tools
 from gap_grasps.calibration import FILE, Calibration, fitted
 from gap_grasps.clearance import Hand, above, clear_of
 from gap_grasps.fit import chance, logistic
-from gap_grasps.nearby import nearby
+from gap_grasps.neighbour_objects import nearby
 from gap_grasps.pose_error import DECLARED, PoseError, spread
 from gap_grasps.reliability import auc, bins, ranking
 from gap_grasps.robustness import Measures, measure
 from gap_grasps.surface import Surface
 from gap_robots.panda import panda
 from gap_robots.ur5e import ur5e
+from gap_runtime.contracts.types import PointCloud, Quaternion, Se3Pose, Vec3
 
 DOWN = Rotation.from_euler("x", 180, degrees=True).as_matrix()
 ROBOTS = pytest.mark.parametrize("spec", [panda(), ur5e()], ids=["panda", "ur5e"])
@@ -133,7 +133,7 @@ def test_nearby_finds_what_a_box_in_each_frame_holds(monkeypatch):
     local = np.stack([(points - t[:3, 3]) @ t[:3, :3] for t in T])
     expected = np.argwhere(((local >= low) & (local <= high)).all(axis=2))
     for elements in (10**6, 300):
-        monkeypatch.setattr("gap_grasps.nearby.ELEMENTS", elements)
+        monkeypatch.setattr("gap_grasps.neighbour_objects.ELEMENTS", elements)
         near = nearby(points, T, low, high)
         np.testing.assert_array_equal(np.column_stack([near.pose, near.point]), expected)
         np.testing.assert_allclose(near.local, local[tuple(expected.T)], atol=1e-6)

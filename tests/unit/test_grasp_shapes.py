@@ -7,13 +7,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gap_cli.contracts.robot import CollisionSphere
-from gap_cli.contracts.types import DepthImage, Mask, Matrix3x3, PointCloud, Quaternion, Se3Pose, Vec3
 from gap_grasps import tools
 from gap_grasps.clearance import Hand, above, clear_of
 from gap_grasps.support import plane_around
 from gap_grasps.surface import closed_surface, thinned
 from gap_robots.panda import panda
+from gap_runtime.contracts.robot import CollisionSphere
+from gap_runtime.contracts.types import DepthImage, Mask, Matrix3x3, PointCloud, Quaternion, Se3Pose, Vec3
 
 PANDA = panda()
 HAND = Hand.of(PANDA)

@@ -7,11 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import BadRequestError, PerceptionError
-from gap_cli.contracts.types import DepthImage, Mask, Matrix3x3, PointCloud, Quaternion, Se3Pose, Vec3
 from gap_grasps import tools
 from gap_grasps.sampling import FRICTION
 from gap_robots.panda import panda
+from gap_runtime.contracts.failures import BadRequestError, PerceptionError
+from gap_runtime.contracts.types import DepthImage, Mask, Matrix3x3, PointCloud, Quaternion, Se3Pose, Vec3
 
 PANDA = panda()
 SIDEWAYS = np.sin(np.arctan(FRICTION))  # how far a closing line may lean

@@ -7,12 +7,12 @@ import textwrap
 
 import pytest
 
-from gap_cli.errors import PluginError, UnknownNameError
-from gap_cli.plugins import load_registry
+from gap_runtime.errors import PluginError, UnknownNameError
+from gap_runtime.plugins import load_registry
 
 TOOL = """
-from gap_cli.contracts.tool import tool
-from gap_cli.hookspecs import hookimpl
+from gap_runtime.contracts.tool import tool
+from gap_runtime.hookspecs import hookimpl
 
 @tool("extra.Double"{options})
 def double(x: {type}) -> {type}:
@@ -24,7 +24,7 @@ def gap_register_tools(register):
     register(double)
 """
 
-HOOK = "from gap_cli.hookspecs import hookimpl\n@hookimpl\ndef gap_register_{name}(register): {body}"
+HOOK = "from gap_runtime.hookspecs import hookimpl\n@hookimpl\ndef gap_register_{name}(register): {body}"
 
 
 def tool_source(type="float", options=""):

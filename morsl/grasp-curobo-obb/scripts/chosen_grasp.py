@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from gap_cli.contracts.tool import ScriptContext
-from gap_cli.contracts.types import WORLD, Se3Pose
+from gap_runtime.contracts.tool import ScriptContext
+from gap_runtime.contracts.types import WORLD, Se3Pose
 
 
 class Chosen(NamedTuple):

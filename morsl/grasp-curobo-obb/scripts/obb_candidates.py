@@ -7,10 +7,10 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.failures import GraspError
-from gap_cli.contracts.robot import RobotSpec
-from gap_cli.contracts.tool import ScriptContext
-from gap_cli.contracts.types import WORLD, OrientedBoundingBox, Se3Pose, Vec3
+from gap_runtime.contracts.failures import GraspError
+from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.contracts.tool import ScriptContext
+from gap_runtime.contracts.types import WORLD, OrientedBoundingBox, Se3Pose, Vec3
 
 STEP = 0.01  # m between grasps along the object
 TILT_STEP = 15.0  # degrees between leans

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from gap_cli.contracts.failures import GraspError
-from gap_cli.contracts.tool import ScriptContext
-from gap_cli.contracts.types import GripperState
+from gap_runtime.contracts.failures import GraspError
+from gap_runtime.contracts.tool import ScriptContext
+from gap_runtime.contracts.types import GripperState
 
 
 def run(ctx: ScriptContext, gripper: GripperState, width: float, min_width_fraction: float = 0.3) -> None:

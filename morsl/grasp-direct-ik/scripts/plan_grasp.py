@@ -8,11 +8,11 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.failures import GraspError, PlanningError
-from gap_cli.contracts.robot import RobotSpec
-from gap_cli.contracts.scripting import hover_height, points_around
-from gap_cli.contracts.tool import ScriptContext
-from gap_cli.contracts.types import WORLD, OrientedBoundingBox, Se3Pose, Vec3, WorldConfig
+from gap_runtime.contracts.failures import GraspError, PlanningError
+from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.contracts.scripting import hover_height, points_around
+from gap_runtime.contracts.tool import ScriptContext
+from gap_runtime.contracts.types import WORLD, OrientedBoundingBox, Se3Pose, Vec3, WorldConfig
 
 STEP = 0.0065  # m between grasps tried along the object
 TILT_STEP = 7.5  # degrees between the ways down tried

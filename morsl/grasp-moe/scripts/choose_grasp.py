@@ -7,11 +7,11 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from gap_cli.contracts.failures import GraspError, PlanningError
-from gap_cli.contracts.robot import RobotSpec
-from gap_cli.contracts.scripting import hover_height
-from gap_cli.contracts.tool import ScriptContext
-from gap_cli.contracts.types import (
+from gap_runtime.contracts.failures import GraspError, PlanningError
+from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.contracts.scripting import hover_height
+from gap_runtime.contracts.tool import ScriptContext
+from gap_runtime.contracts.types import (
     WORLD,
     ArmState,
     OrientedBoundingBox,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from gap_cli.contracts.scripting import points_around
-from gap_cli.contracts.tool import ScriptContext
-from gap_cli.contracts.types import WORLD, PointCloud, WorldConfig
+from gap_runtime.contracts.scripting import points_around
+from gap_runtime.contracts.tool import ScriptContext
+from gap_runtime.contracts.types import WORLD, PointCloud, WorldConfig
 
 
 def run(ctx: ScriptContext, world: WorldConfig) -> Annotated[PointCloud, WORLD]:

@@ -6,9 +6,9 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from gap_cli.contracts.robot import RobotSpec
-from gap_cli.contracts.tool import ScriptContext
-from gap_cli.contracts.types import WORLD, OrientedBoundingBox, Se3Pose, Vec3
+from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.contracts.tool import ScriptContext
+from gap_runtime.contracts.types import WORLD, OrientedBoundingBox, Se3Pose, Vec3
 
 CLEARANCE = 0.004  # m between fingertips and support
 

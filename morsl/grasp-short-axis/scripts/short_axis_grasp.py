@@ -6,10 +6,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from gap_cli.contracts.failures import GraspError
-from gap_cli.contracts.robot import RobotSpec
-from gap_cli.contracts.tool import ScriptContext
-from gap_cli.contracts.types import WORLD, OrientedBoundingBox, Se3Pose, Vec3
+from gap_runtime.contracts.failures import GraspError
+from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.contracts.tool import ScriptContext
+from gap_runtime.contracts.types import WORLD, OrientedBoundingBox, Se3Pose, Vec3
 
 EDGE = 0.004  # m between a pad and the target's end
 

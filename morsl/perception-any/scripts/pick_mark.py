@@ -6,10 +6,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from gap_cli.contracts.failures import PerceptionError
-from gap_cli.contracts.scripting import cloud_gap, named_index, numbered_question, thinned
-from gap_cli.contracts.tool import ScriptContext
-from gap_cli.contracts.types import WORLD, CameraObservation, Detection, Mask, PointCloud
+from gap_runtime.contracts.failures import PerceptionError
+from gap_runtime.contracts.scripting import cloud_gap, named_index, numbered_question, thinned
+from gap_runtime.contracts.tool import ScriptContext
+from gap_runtime.contracts.types import WORLD, CameraObservation, Detection, Mask, PointCloud
 
 
 class Picked(NamedTuple):

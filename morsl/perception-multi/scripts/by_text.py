@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from gap_cli.contracts.tool import ScriptContext
-from gap_cli.contracts.types import CameraObservation, ObjectMask
+from gap_runtime.contracts.tool import ScriptContext
+from gap_runtime.contracts.types import CameraObservation, ObjectMask
 
 
 class Opinions(NamedTuple):

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any, NamedTuple
 
-from gap_cli.contracts.failures import CancelledError, PerceptionError
-from gap_cli.contracts.tool import ScriptContext
-from gap_cli.contracts.types import BoundingBox2D, Mask, Observation
+from gap_runtime.contracts.failures import CancelledError, PerceptionError
+from gap_runtime.contracts.tool import ScriptContext
+from gap_runtime.contracts.types import BoundingBox2D, Mask, Observation
 
 
 class Snapshot(NamedTuple):

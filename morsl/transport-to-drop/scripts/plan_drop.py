@@ -7,11 +7,11 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.failures import PlanningError
-from gap_cli.contracts.robot import RobotSpec
-from gap_cli.contracts.scripting import beside_way, points_around
-from gap_cli.contracts.tool import ScriptContext
-from gap_cli.contracts.types import WORLD, OrientedBoundingBox, Quaternion, Se3Pose, Vec3, WorldConfig
+from gap_runtime.contracts.failures import PlanningError
+from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.contracts.scripting import beside_way, points_around
+from gap_runtime.contracts.tool import ScriptContext
+from gap_runtime.contracts.types import WORLD, OrientedBoundingBox, Quaternion, Se3Pose, Vec3, WorldConfig
 
 SPOTS = 5  # places tried along each side of the container
 CORNERS = ((1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0))  # in the container's axes

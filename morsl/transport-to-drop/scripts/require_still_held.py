@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from gap_cli.contracts.failures import GraspError
-from gap_cli.contracts.tool import ScriptContext
-from gap_cli.contracts.types import WORLD, GripperState, OrientedBoundingBox
+from gap_runtime.contracts.failures import GraspError
+from gap_runtime.contracts.tool import ScriptContext
+from gap_runtime.contracts.types import WORLD, GripperState, OrientedBoundingBox
 
 
 def run(

@@ -9,19 +9,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gap_cli.contracts.task import Task
-from gap_cli.contracts.tool import ToolContext
-from gap_cli.contracts.types import ArmState, Array
 from gap_perception.frames import Scene
-from gap_perception.scene.blobs import Voxels, voxelise
+from gap_perception.language.vocabulary import Vocabulary, build_vocabulary
 from gap_perception.scene.colours import colour_words, perceptual
-from gap_perception.scene.explain import Instance, explain
+from gap_perception.scene.instance_assignment import Instance, explain
 from gap_perception.scene.library import Appearance, build_library
-from gap_perception.scene.measured import EXACT, Measured, reach_of
+from gap_perception.scene.observed_points import EXACT, Measured, reach_of
 from gap_perception.scene.points import CameraPoints, lift
 from gap_perception.scene.selfmask import MARGIN, on_robot, robot_model, solids_of
 from gap_perception.scene.visibility import depth_view
-from gap_perception.vocabulary import Vocabulary, build_vocabulary
+from gap_perception.scene.voxel_clusters import Voxels, voxelise
+from gap_runtime.contracts.task import Task
+from gap_runtime.contracts.tool import ToolContext
+from gap_runtime.contracts.types import ArmState, Array
 
 MIN_PIXELS = 25  # an instance with fewer in a picture is not visible there
 
@@ -77,7 +77,7 @@ def vocabulary_of(ctx: ToolContext) -> Vocabulary:
         colours = {name: colour_words(surface.colours) for name, surface in library_of(ctx).items()}
         return build_vocabulary(ctx.task.objects, colours)
 
-    vocabulary: Vocabulary = ctx.shared(f"gap_perception.vocabulary:{_models_key(ctx.task)}", make)
+    vocabulary: Vocabulary = ctx.shared(f"gap_perception.language.vocabulary:{_models_key(ctx.task)}", make)
     return vocabulary
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gap_cli.contracts.types import Array
+from gap_runtime.contracts.types import Array
 
 
 def perceptual(rgb: Array) -> Array:

@@ -12,8 +12,8 @@ from functools import cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.types import Array
 from gap_perception.scene.library import Appearance
+from gap_runtime.contracts.types import Array
 
 ITERATIONS = 8
 FINE = 3  # of the iterations, the last, that look at all points; those before look at every other

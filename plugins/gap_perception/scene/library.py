@@ -11,9 +11,9 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.task import ObjectModel, Task
-from gap_cli.contracts.types import Array, CameraObservation
 from gap_perception.scene.colours import hue_histogram, perceptual
+from gap_runtime.contracts.task import ObjectModel, Task
+from gap_runtime.contracts.types import Array, CameraObservation
 
 CELL = 0.003  # m: grid of surface points
 PAD = 0.03  # m: how far from the surface the nearest surface point is still looked up
@@ -59,7 +59,7 @@ class Appearance:
 
 def build_library(task: Task) -> dict[str, Appearance]:
     """Render every object model of the task alone and learn its surface; seconds, and nothing but the models."""
-    from gap_mujoco.models import render_views
+    from gap_mujoco.model.models import render_views
 
     views = render_views(task.objects, yaws_deg=YAWS, elevations_deg=SIDES)
     views += render_views(task.objects, yaws_deg=YAWS[::2], elevations_deg=(BELOW, TOP))

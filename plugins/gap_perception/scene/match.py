@@ -9,18 +9,18 @@ from functools import cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.types import Array
 from gap_perception.scene.fit import Fit
 from gap_perception.scene.library import Appearance
-from gap_perception.scene.measured import EXACT, Measured
+from gap_perception.scene.observed_points import EXACT, Measured
 from gap_perception.scene.visibility import Agreement, DepthView, agreement
+from gap_runtime.contracts.types import Array
 
 ROUND_TURNS = 24
 SAME_SHAPE = 0.95  # share of its points that must stay on a model turned about a symmetry
 SQUARE = 0.004  # m: sides that differ by less look square
 FAR_COLOUR = 60.0  # CIELAB distance from which colours are simply different
 LIGHTNESS_WEIGHT = 0.5  # light and shadow change lightness far more than hue
-# Log-likelihood units per unit of evidence; calibrated by `gap_perception.bench` on development scenes.
+# Log-likelihood units per unit of evidence; calibrated by `gap_perception.bench.perception` on development scenes.
 UNEXPLAINED, SEEN_THROUGH, OFF_COLOUR = 12.0, 12.0, 0.25
 HOPELESS = 6.0  # shape cost from which colours need not be looked at
 USUAL_COLOUR = 8.0  # colour distance of a right match, from lighting and the grid

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gap_cli.contracts.failures import BadRequestError
-from gap_cli.contracts.task import Environment
-from gap_cli.contracts.types import Array, CameraObservation
-from gap_perception.scene.level import find_level
+from gap_perception.scene.extrinsic_correction import find_level
+from gap_runtime.contracts.failures import BadRequestError
+from gap_runtime.contracts.task import Environment
+from gap_runtime.contracts.types import Array, CameraObservation
 
 NEAR_PLANE = 0.02  # m: pixels this close to a support tell how noisy the depth is
 MARGIN = (0.0015, 0.012)  # m: bounds of the height below which a pixel is taken for the support itself

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gap_cli.contracts.types import Array
 from gap_perception.scene.colours import hue_histogram, overlap
 from gap_perception.scene.fit import SUNK, Fit, fit, resting_size, rests
 from gap_perception.scene.library import Appearance
-from gap_perception.scene.measured import Measured
+from gap_perception.scene.observed_points import Measured
+from gap_runtime.contracts.types import Array
 
 SAMPLE = 300  # points a fit looks at
 TOP_SLACK = 0.008  # m

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.robot import RobotSpec
-from gap_cli.contracts.task import RobotPlacement
-from gap_cli.contracts.types import ArmState, Array
+from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.contracts.task import RobotPlacement
+from gap_runtime.contracts.types import ArmState, Array
 
 MARGIN = 0.015  # m: the shells of a robot stick out of the simple shapes of its model by about a centimetre
 

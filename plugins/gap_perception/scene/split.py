@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gap_cli.contracts.types import Array
 from gap_perception.scene.colours import hue_histogram, overlap
 from gap_perception.scene.fit import Fit, fits, resting_size, rests
 from gap_perception.scene.library import Appearance
 from gap_perception.scene.match import Match, judge
-from gap_perception.scene.measured import Measured
+from gap_perception.scene.observed_points import Measured
 from gap_perception.scene.propose import TOP_SLACK, rectangle, sample
 from gap_perception.scene.visibility import DepthView
+from gap_runtime.contracts.types import Array
 
 LOOKED_AT = 400  # points of the group that candidates are compared on
 FITTED = 160  # of these, points that candidates are fitted to

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gap_cli.contracts.types import Array, CameraObservation
 from gap_perception.scene.fit import Fit
 from gap_perception.scene.points import project
+from gap_runtime.contracts.types import Array, CameraObservation
 
 SAMPLES = 300
 FACING = 0.2  # cosine below which a surface is seen too flatly to judge

@@ -10,9 +10,9 @@ import os
 from functools import cache, partial
 from pathlib import Path
 
-from gap_cli.contracts.failures import UnknownNameError
-from gap_cli.contracts.robot import RobotSpec
-from gap_cli.hookspecs import Register
+from gap_runtime.contracts.failures import UnknownNameError
+from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.hookspecs import Register
 
 VARIABLE = "MENAGERIE_ROOT"
 PREFIX = "menagerie:"

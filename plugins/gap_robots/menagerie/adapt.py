@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from gap_cli.contracts.failures import DocumentError
-from gap_cli.contracts.types import Array
+from gap_runtime.contracts.failures import DocumentError
+from gap_runtime.contracts.types import Array
 
 MOUNTS = ("attachment_site", "attachment", "ee_site", "end_effector", "tool0")
 STIFFNESS_PER_TORQUE, DAMPING_PER_STIFFNESS = 45.0, 0.04  # of a servo: 1/rad, s

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.robot import CameraSpec, CollisionSphere, GripperSpec, JointLimits, RobotSpec
-from gap_cli.contracts.types import Array
 from gap_robots.menagerie.adapt import JAW_FORCE, Adapted, box_of
 from gap_robots.spheres import cover_model
+from gap_runtime.contracts.robot import CameraSpec, CollisionSphere, GripperSpec, JointLimits, RobotSpec
+from gap_runtime.contracts.types import Array
 
 # Neither MJCF nor Menagerie states rates; these are slower than any arm of the collection.
 VELOCITY, ACCELERATION, JERK, TCP_VELOCITY, JAW_SPEED = 1.0, 4.0, 2000.0, 0.8, 0.05

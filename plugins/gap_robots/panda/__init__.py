@@ -7,8 +7,8 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from gap_cli.contracts.robot import CameraSpec, GripperSpec, JointLimits, RobotSpec
 from gap_robots.spheres import read_spheres
+from gap_runtime.contracts.robot import CameraSpec, GripperSpec, JointLimits, RobotSpec
 
 FOLDER = Path(__file__).parent
 FCI = "Franka Control Interface documentation, 'Robot and interface specifications', limits for Panda"

@@ -6,8 +6,8 @@ import math
 from functools import cache
 from pathlib import Path
 
-from gap_cli.contracts.robot import CameraSpec, GripperSpec, JointLimits, RobotSpec
 from gap_robots.spheres import read_spheres
+from gap_runtime.contracts.robot import CameraSpec, GripperSpec, JointLimits, RobotSpec
 
 FOLDER = Path(__file__).parent
 SHEET = "Universal Robots UR5e datasheet"

@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import MotionError
-from gap_cli.contracts.task import load_task
-from gap_cli.contracts.types import Quaternion, Se3Pose, Vec3
-from gap_cli.plugins import load_registry
+from gap_runtime.contracts.failures import MotionError
+from gap_runtime.contracts.task import load_task
+from gap_runtime.contracts.types import Quaternion, Se3Pose, Vec3
+from gap_runtime.plugins import load_registry
 
 pytestmark = pytest.mark.sim
 DOWN = Quaternion(0.0, 1.0, 0.0, 0.0)

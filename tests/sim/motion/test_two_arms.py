@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import BadRequestError, MotionError
-from gap_cli.contracts.task import load_task
-from gap_cli.contracts.types import JointState, Quaternion, Se3Pose, Vec3
-from gap_cli.plugins import load_registry
+from gap_runtime.contracts.failures import BadRequestError, MotionError
+from gap_runtime.contracts.task import load_task
+from gap_runtime.contracts.types import JointState, Quaternion, Se3Pose, Vec3
+from gap_runtime.plugins import load_registry
 
 pytestmark = pytest.mark.sim
 DOWN = Quaternion(0.0, 1.0, 0.0, 0.0)
@@ -62,7 +62,7 @@ def test_arms_that_would_meet_are_refused_before_they_move(cell):
 
 
 def test_the_other_arm_is_an_obstacle_to_a_planner(cell):
-    from gap_cli.contracts.failures import PlanningError
+    from gap_runtime.contracts.failures import PlanningError
 
     spot = cell.world.arms[1].state().ee_pose
     start = cell.world.arms[0].state().joints

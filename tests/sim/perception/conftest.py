@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from gap_cli.contracts.cell import Cell
-from gap_cli.contracts.privilege import node_scope
-from gap_cli.contracts.task import load_task
-from gap_cli.plugins import load_registry
-from gap_perception.bench_scenes import LEVELS, SCENE, bench_task, sample_scene
+from gap_perception.bench.scenes import LEVELS, SCENE, bench_task, sample_scene
+from gap_runtime.contracts.privilege import node_scope
+from gap_runtime.contracts.standalone import Cell
+from gap_runtime.contracts.task import load_task
+from gap_runtime.plugins import load_registry
 
 TASK = Path(__file__).parents[3] / "tasks" / "fulfill-grocery"
 SEED = 1  # seven objects in view, a development seed

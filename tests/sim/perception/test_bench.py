@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from gap_perception import bench_run
-from gap_perception.bench import CLEAN, level_task, levels_of, measure
-from gap_perception.bench_pictures import TILE, worst
-from gap_perception.bench_run import Job, measure_job, skill_way
-from gap_perception.bench_scenes import LEVELS
+from gap_perception.bench import run as bench_run
+from gap_perception.bench.perception import CLEAN, level_task, levels_of, measure
+from gap_perception.bench.pictures import TILE, worst
+from gap_perception.bench.run import Job, measure_job, skill_way
+from gap_perception.bench.scenes import LEVELS
 
 pytestmark = pytest.mark.sim
 SEED = 1  # seven objects in view, a development seed

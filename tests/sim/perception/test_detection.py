@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gap_cli.contracts.privilege import node_scope
-from gap_cli.contracts.types import BoundingBox2D, Image, Quaternion, Se3Pose, Vec3
-from gap_cli.contracts.world import Instance
-from gap_perception.bench_scenes import SCENE
+from gap_perception.bench.scenes import SCENE
+from gap_runtime.contracts.privilege import node_scope
+from gap_runtime.contracts.types import BoundingBox2D, Image, Quaternion, Se3Pose, Vec3
+from gap_runtime.contracts.world import Instance
 
 pytestmark = pytest.mark.sim
 

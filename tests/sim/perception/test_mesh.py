@@ -3,8 +3,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import BadRequestError, PerceptionError
-from gap_cli.contracts.types import Mask, OrientedBoundingBox, Quaternion, Vec3
+from gap_runtime.contracts.failures import BadRequestError, PerceptionError
+from gap_runtime.contracts.types import Mask, OrientedBoundingBox, Quaternion, Vec3
 
 pytestmark = pytest.mark.sim
 

@@ -1,6 +1,6 @@
 import pytest
 
-from gap_cli.contracts.failures import PerceptionError
+from gap_runtime.contracts.failures import PerceptionError
 
 pytestmark = pytest.mark.sim
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import BadRequestError
-from gap_cli.contracts.privilege import node_scope
-from gap_cli.contracts.types import BoundingBox2D, Image
+from gap_runtime.contracts.failures import BadRequestError
+from gap_runtime.contracts.privilege import node_scope
+from gap_runtime.contracts.types import BoundingBox2D, Image
 
 pytestmark = pytest.mark.sim
 INIT, UPDATE, CLOSE = (f"sam3_tracker.{m}Tracker" for m in ("Init", "Update", "Close"))

@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from gap_cli.author import generate, plan
-from gap_cli.contracts.task import load_task
-from gap_cli.graph.checkpoints import parse_checkpoints
-from gap_cli.graph.compile import compile_workflow
-from gap_cli.graph.execute import RunSetup, run_graph
-from gap_cli.plugins import load_registry
+from gap_cli.rehearse.episode_monitor import Watch
 from gap_cli.rehearse.judge import judge, make_conditions
-from gap_cli.rehearse.watch import Watch
 from gap_cli.skills import SkillLibrary, load_library
+from gap_runtime.contracts.task import load_task
+from gap_runtime.graph.checkpoints import parse_checkpoints
+from gap_runtime.graph.compile import compile_workflow
+from gap_runtime.plugins import load_registry
+from gap_runtime.run.execute import RunSetup, run_graph
 
 REGISTRY = load_registry()
 LIBRARY = load_library(REGISTRY.skill_paths)

@@ -11,15 +11,15 @@ from scipy.spatial.transform import Rotation
 
 from gap_cli.author.build import build
 from gap_cli.author.plans import Plan, PlanData, Segment
-from gap_cli.contracts.task import ObjectModel, Task, load_task
-from gap_cli.contracts.tool import Tool
-from gap_cli.contracts.types import Quaternion, Se3Pose, Vec3
-from gap_cli.contracts.world import Instance
-from gap_cli.graph.compile import compile_workflow
-from gap_cli.graph.execute import RunResult, RunSetup, run_graph
-from gap_cli.graph.names import contract_names
-from gap_cli.plugins import load_registry
 from gap_cli.skills import load_library
+from gap_runtime.contracts.task import ObjectModel, Task, load_task
+from gap_runtime.contracts.tool import Tool
+from gap_runtime.contracts.types import Quaternion, Se3Pose, Vec3
+from gap_runtime.contracts.world import Instance
+from gap_runtime.graph.compile import compile_workflow
+from gap_runtime.graph.names import contract_names
+from gap_runtime.plugins import load_registry
+from gap_runtime.run.execute import RunResult, RunSetup, run_graph
 
 REGISTRY = load_registry(entry_points=False)
 LIBRARY = load_library(REGISTRY.skill_paths)

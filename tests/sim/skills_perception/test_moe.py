@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from gap_cli.contracts.types import Se3Pose, Vec3
+from gap_runtime.contracts.types import Se3Pose, Vec3
 from tests.sim.skills_perception.cell import REGISTRY, perceive, see_part, segment
 
 pytestmark = pytest.mark.sim

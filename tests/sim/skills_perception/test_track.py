@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gap_cli.contracts.skill import Exits, SkillContract
-from gap_cli.contracts.tool import ToolContext, tool
-from gap_cli.contracts.types import Mask
-from gap_cli.graph.compile import compile_workflow
-from gap_cli.graph.execute import RunSetup, run_graph
-from gap_cli.graph.model import Workflow
 from gap_geometry.clouds import mask_to_world_points
+from gap_runtime.contracts.skill import Exits, SkillContract
+from gap_runtime.contracts.tool import ToolContext, tool
+from gap_runtime.contracts.types import Mask
+from gap_runtime.graph.compile import compile_workflow
+from gap_runtime.graph.model import Workflow
+from gap_runtime.run.execute import RunSetup, run_graph
 from tests.sim.skills_perception.cell import LIBRARY, REGISTRY
 
 pytestmark = pytest.mark.sim

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.task import load_task
-from gap_mujoco.joint_move import joint_move
+from gap_mujoco.control.point_to_point import joint_move
 from gap_mujoco.world import MujocoWorld
 from gap_robots.panda import panda
+from gap_runtime.contracts.task import load_task
 
 TASK = load_task(Path(__file__).parents[3] / "tasks" / "fulfill-grocery", "object")
 DOWN = np.diag([1.0, -1.0, -1.0])  # TCP pointing down, jaws along world y

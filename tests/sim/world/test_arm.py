@@ -7,9 +7,9 @@ import threading
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import MotionError
-from gap_cli.contracts.types import Trajectory
-from gap_mujoco.joint_move import joint_move
+from gap_mujoco.control.point_to_point import joint_move
+from gap_runtime.contracts.failures import MotionError
+from gap_runtime.contracts.types import Trajectory
 
 pytestmark = pytest.mark.sim
 
@@ -195,8 +195,8 @@ def test_jaws_refuse_what_the_gripper_cannot_do(world, width, force):
 
 
 def test_two_arms_share_one_cell(task, robots):
-    from gap_cli.contracts.task import RobotPlacement
     from gap_mujoco.world import MujocoWorld
+    from gap_runtime.contracts.task import RobotPlacement
 
     across = RobotPlacement(model="panda", position=(0.6, 0.0, 0.0), yaw_deg=180)
     world = MujocoWorld(task.model_copy(update={"robots": [task.robots[0], across]}), "milk", robots)

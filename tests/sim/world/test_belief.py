@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import TaskInfeasibleError, UnknownNameError
-from gap_cli.contracts.task import Distribution, Shape, load_task
 from gap_mujoco.belief import Belief, as_variation
-from gap_mujoco.footprint import footprint, gap
+from gap_mujoco.model.footprint import footprint, gap
+from gap_runtime.contracts.failures import TaskInfeasibleError, UnknownNameError
+from gap_runtime.contracts.task import Distribution, Shape, load_task
 
 pytestmark = pytest.mark.sim
 BOX = Shape(kind="box", size=(0.08, 0.04, 0.02))

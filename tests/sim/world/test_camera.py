@@ -8,9 +8,9 @@ import sys
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import PrivilegedReadError
-from gap_cli.contracts.privilege import node_scope
-from gap_mujoco import gl
+from gap_mujoco.rendering import gl
+from gap_runtime.contracts.failures import PrivilegedReadError
+from gap_runtime.contracts.privilege import node_scope
 
 pytestmark = pytest.mark.sim
 
@@ -72,7 +72,7 @@ def test_the_wrist_camera_moves_with_the_hand(world, move_to):
 def test_a_refused_egl_leaves_osmesa_or_one_clear_sentence():
     """In a process of its own: OpenGL is bound once per process."""
     code = (
-        "from gap_mujoco import gl\n"
+        "from gap_mujoco.rendering import gl\n"
         "try: print(gl.probe(), gl.make_context(32, 32) is not None)\n"
         "except gl.GraphicsError as error: print(error)"
     )

@@ -7,12 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import MotionError
-from gap_cli.contracts.task import Support
-from gap_cli.contracts.types import Quaternion, Se3Pose, Vec3
-from gap_cli.plugins import load_registry
+from gap_mujoco.control.contact_reaction import BACK_OFF
 from gap_mujoco.world import MujocoWorld
-from gap_mujoco.yielding import BACK_OFF
+from gap_runtime.contracts.failures import MotionError
+from gap_runtime.contracts.task import Support
+from gap_runtime.contracts.types import Quaternion, Se3Pose, Vec3
+from gap_runtime.plugins import load_registry
 
 pytestmark = pytest.mark.sim
 REGISTRY = load_registry(("gap_robots", "gap_motion"), entry_points=False)

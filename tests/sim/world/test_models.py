@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import DocumentError
-from gap_cli.contracts.task import ObjectModel, Shape
-from gap_mujoco.compiled import compile_model, new_root
-from gap_mujoco.models import build_object, cavity, render_views
-from gap_mujoco.props import FELT, SEEN
+from gap_mujoco.model.compiled import compile_model, new_root
+from gap_mujoco.model.models import build_object, cavity, render_views
+from gap_mujoco.model.props import FELT, SEEN
+from gap_runtime.contracts.failures import DocumentError
+from gap_runtime.contracts.task import ObjectModel, Shape
 
 pytestmark = pytest.mark.sim
 

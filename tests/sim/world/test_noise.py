@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import DocumentError, PrivilegedReadError
-from gap_cli.contracts.privilege import node_scope
-from gap_cli.contracts.sensors import CameraNoise, Sensors, StereoDepth
-from gap_mujoco.noise import calibration_error
+from gap_mujoco.rendering.noise import calibration_error
 from gap_mujoco.world import MujocoWorld
+from gap_runtime.contracts.failures import DocumentError, PrivilegedReadError
+from gap_runtime.contracts.privilege import node_scope
+from gap_runtime.contracts.sensors import CameraNoise, Sensors, StereoDepth
 
 pytestmark = pytest.mark.sim
 

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import MotionError
-from gap_cli.plugins import load_registry
-from gap_motion.requests import STEP
+from gap_motion.arguments import STEP
+from gap_runtime.contracts.failures import MotionError
+from gap_runtime.plugins import load_registry
 
 pytestmark = pytest.mark.sim
 REGISTRY = load_registry(("gap_robots", "gap_motion"), entry_points=False)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import MotionError
-from gap_mujoco.joint_move import joint_move
+from gap_mujoco.control.point_to_point import joint_move
+from gap_runtime.contracts.failures import MotionError
 
 pytestmark = pytest.mark.sim
 

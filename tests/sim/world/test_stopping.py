@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import MotionError
-from gap_motion.kinematics import chain
-from gap_motion.timing import point_to_point
-from gap_mujoco.stopping import braking, stopping
+from gap_motion.kinematics.chain import chain
+from gap_motion.timing.timing import point_to_point
+from gap_mujoco.control.stop_trajectory import braking, stopping
+from gap_runtime.contracts.failures import MotionError
 
 pytestmark = pytest.mark.sim
 AT_REST = 0.03  # rad/s: as the end of a motion is judged

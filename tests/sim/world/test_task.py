@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from gap_cli.contracts.task import load_task
-from gap_mujoco.looks import Looks
+from gap_mujoco.rendering.appearance import Looks
+from gap_runtime.contracts.task import load_task
 
 pytestmark = pytest.mark.sim
 

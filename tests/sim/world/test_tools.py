@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import BadRequestError, UnknownNameError
-from gap_cli.contracts.types import JointState
 from gap_mujoco import tools
+from gap_runtime.contracts.failures import BadRequestError, UnknownNameError
+from gap_runtime.contracts.types import JointState
 
 pytestmark = pytest.mark.sim
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.types import Quaternion, Se3Pose, Vec3
-from gap_cli.plugins import load_registry
+from gap_runtime.contracts.types import Quaternion, Se3Pose, Vec3
+from gap_runtime.plugins import load_registry
 
 pytestmark = pytest.mark.sim
 REGISTRY = load_registry(("gap_robots", "gap_motion"), entry_points=False)

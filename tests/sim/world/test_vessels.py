@@ -6,12 +6,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import DocumentError
-from gap_cli.contracts.task import ObjectModel, Shape
-from gap_mujoco.compiled import compile_model, new_root
-from gap_mujoco.models import build_object, cavity, collision_parts, render_views
-from gap_mujoco.parts import Part
-from gap_mujoco.props import FELT
+from gap_mujoco.model.compiled import compile_model, new_root
+from gap_mujoco.model.models import build_object, cavity, collision_parts, render_views
+from gap_mujoco.model.parts import Part
+from gap_mujoco.model.props import FELT
+from gap_runtime.contracts.failures import DocumentError
+from gap_runtime.contracts.task import ObjectModel, Shape
 
 pytestmark = pytest.mark.sim
 SHAPES = {

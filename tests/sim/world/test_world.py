@@ -10,7 +10,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import (
+from gap_mujoco.world import MujocoWorld
+from gap_runtime.contracts.failures import (
     BadRequestError,
     GapError,
     PrivilegedReadError,
@@ -18,9 +19,8 @@ from gap_cli.contracts.failures import (
     TaskInfeasibleError,
     UnknownNameError,
 )
-from gap_cli.contracts.privilege import node_scope
-from gap_cli.contracts.types import Se3Pose, Vec3
-from gap_mujoco.world import MujocoWorld
+from gap_runtime.contracts.privilege import node_scope
+from gap_runtime.contracts.types import Se3Pose, Vec3
 
 pytestmark = pytest.mark.sim
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gap_cli.contracts.task import Task
+from gap_runtime.contracts.task import Task
 
 BOX = {"kind": "open_box", "wall": 0.02, "floor": 0.02}
 SIZES = {"milk": 0.13, "ketchup": 0.14, "bbq_sauce": 0.11, "tomato_sauce": 0.07, "butter": 0.02}

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gap_cli.contracts.skill import SkillContract
-from gap_cli.contracts.tool import ToolSpec
 from gap_cli.skills import SkillBundle, SkillLibrary
+from gap_runtime.contracts.skill import SkillContract
+from gap_runtime.contracts.tool import ToolSpec
 
 OBB, POSE = "OrientedBoundingBox[world]", "Se3Pose[world]"
 SPINE = {

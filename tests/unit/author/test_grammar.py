@@ -6,8 +6,8 @@ import pytest
 
 from gap_cli.author.goals import Goal
 from gap_cli.author.grammar import parse_instruction
-from gap_cli.contracts.task import Task
-from gap_cli.errors import InstructionError
+from gap_runtime.contracts.task import Task
+from gap_runtime.errors import InstructionError
 from tests.unit.author.conftest import make_task
 
 MILK, KETCHUP, BUTTER = ("milk", "basket"), ("ketchup", "basket"), ("butter", "basket")

@@ -8,7 +8,7 @@ from gap_cli.author.goals import Goal
 from gap_cli.author.naming import name_steps
 from gap_cli.author.solve import solve
 from gap_cli.author.steps import Repertoire
-from gap_cli.graph.names import contract_names
+from gap_runtime.graph.names import contract_names
 from tests.unit.author.contract_library import OBB, SPINE, library, tools
 
 

@@ -6,8 +6,8 @@ import pytest
 
 from gap_cli.author.regress import State, regress
 from gap_cli.author.steps import Repertoire
-from gap_cli.errors import InstructionError
 from gap_cli.skills.facts import Fact
+from gap_runtime.errors import InstructionError
 from tests.unit.author.contract_library import OBB, POSE, SPINE, library, tools
 
 IDLE = State(frozenset({Fact("hand_empty")}))

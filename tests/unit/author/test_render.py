@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gap_cli.author.render import literal, render_file
-from gap_cli.errors import DocumentError
+from gap_runtime.errors import DocumentError
 
 plain = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),

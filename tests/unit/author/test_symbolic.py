@@ -10,8 +10,10 @@ import yaml
 
 from gap_cli import author
 from gap_cli.author import Plan
-from gap_cli.contracts.task import load_task
-from gap_cli.errors import (
+from gap_cli.skills import load_bundle, load_library
+from gap_cli.skills.library import SkillLibrary
+from gap_runtime.contracts.task import load_task
+from gap_runtime.errors import (
     DocumentError,
     InstructionError,
     RunError,
@@ -19,13 +21,11 @@ from gap_cli.errors import (
     UnknownNameError,
     WorkflowError,
 )
-from gap_cli.graph.compile import compile_workflow
-from gap_cli.graph.dry import dry
-from gap_cli.graph.dump import dump_workflow
-from gap_cli.graph.execute import RunSetup, run_graph
-from gap_cli.plugins import load_registry
-from gap_cli.skills import load_bundle, load_library
-from gap_cli.skills.library import SkillLibrary
+from gap_runtime.graph.compile import compile_workflow
+from gap_runtime.graph.dump import dump_workflow
+from gap_runtime.plugins import load_registry
+from gap_runtime.run.dry import dry
+from gap_runtime.run.execute import RunSetup, run_graph
 from tests.unit.author.conftest import make_task
 from tests.unit.author.test_grammar import PAN, kitchen_with
 

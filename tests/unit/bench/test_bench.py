@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 from gap_cli.bench import timing
 from gap_cli.bench.graph import run as graph
 from gap_cli.bench.report import as_data, markdown, picture_files
-from gap_cli.contracts.bench import BenchReport, Picture, Table
 from gap_cli.main import app
+from gap_runtime.contracts.bench import BenchReport, Picture, Table
 
 
 @pytest.fixture(autouse=True)

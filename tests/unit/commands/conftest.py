@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import pytest
 
 from gap_cli import main as main_module
-from gap_cli.commands import edge
+from gap_cli.commands import error_handler as edge
 
 
 @dataclass(frozen=True)

@@ -143,7 +143,7 @@ def test_a_bad_plugin_takes_nothing_along(gap, tmp_path, monkeypatch, source, re
     done = gap("tools", "--json")
     assert done.code == 0 and len(json.loads(done.out)) > 30
     if reason:
-        from gap_cli.plugins import load_registry
+        from gap_runtime.plugins import load_registry
 
         monkeypatch.delitem(sys.modules, "bad_plugin", raising=False)
         assert reason in load_registry().broken["bad_plugin"]

@@ -3,12 +3,12 @@ import json
 import pytest
 
 from gap_cli.commands import checks
-from gap_cli.plugins import load_registry
+from gap_runtime.plugins import load_registry
 
 PLUGIN = """
 import os, time
-from gap_cli.contracts.failures import GapError
-from gap_cli.hookspecs import hookimpl
+from gap_runtime.contracts.failures import GapError
+from gap_runtime.hookspecs import hookimpl
 
 def fine(): return "all is well"
 def lacks(): raise GapError("No paint here.", hint="apt install paint")

@@ -6,9 +6,9 @@ import sys
 
 import pytest
 
-from gap_cli.commands import edge
-from gap_cli.errors import GapError, PrivilegedReadError, WorkflowError
-from gap_cli.graph.findings import Finding
+from gap_cli.commands import error_handler as edge
+from gap_runtime.errors import GapError, PrivilegedReadError, WorkflowError
+from gap_runtime.graph.findings import Finding
 
 GAP = [sys.executable, "-m", "gap_cli.main"]
 

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.codec import field_refs
-from gap_cli.contracts.types import CONTRACT_TYPES, Quaternion, Trajectory
+from gap_runtime.contracts.encoding.codec import field_refs
+from gap_runtime.contracts.types import CONTRACT_TYPES, Quaternion, Trajectory
 
 floats = st.floats(allow_nan=False, allow_infinity=False)
 texts = st.text(st.characters(codec="utf-8"), max_size=8)

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from gap_cli.contracts.codec import INLINE, from_plain, to_plain, to_raw
-from gap_cli.contracts.failures import BadRequestError
-from gap_cli.contracts.types import (
+from gap_runtime.contracts.encoding.codec import INLINE, from_plain, to_plain, to_raw
+from gap_runtime.contracts.failures import BadRequestError
+from gap_runtime.contracts.types import (
     DepthImage,
     Detection,
     Image,

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from gap_cli.contracts.documents import (
+from gap_runtime.contracts.documents import (
     MAX_BYTES,
     MAX_YAML,
     ambiguous,
@@ -14,7 +14,7 @@ from gap_cli.contracts.documents import (
     read_json,
     read_yaml,
 )
-from gap_cli.contracts.failures import DocumentError
+from gap_runtime.contracts.failures import DocumentError
 
 
 @pytest.mark.parametrize(

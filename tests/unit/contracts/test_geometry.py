@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.types import OrientedBoundingBox, Quaternion, Se3Pose, Vec3
+from gap_runtime.contracts.types import OrientedBoundingBox, Quaternion, Se3Pose, Vec3
 
 vectors = st.tuples(*[st.floats(-2, 2)] * 3)
 rotations = st.builds(Rotation.from_rotvec, vectors)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gap_cli.contracts.geometry import BoundingBox2D
-from gap_cli.contracts.scripting import (
+from gap_runtime.contracts.scripting import (
     GRID,
     beside_way,
     cloud_gap,
@@ -15,7 +14,8 @@ from gap_cli.contracts.scripting import (
     points_around,
     thinned,
 )
-from gap_cli.contracts.types import Obstacle, OrientedBoundingBox, Quaternion, Vec3, WorldConfig
+from gap_runtime.contracts.types import Obstacle, OrientedBoundingBox, Quaternion, Vec3, WorldConfig
+from gap_runtime.contracts.types.geometry import BoundingBox2D
 
 BOX = OrientedBoundingBox(Vec3(0, 0, 0), Vec3(1, 1, 1), Quaternion(1, 0, 0, 0))
 RNG = np.random.default_rng(0)

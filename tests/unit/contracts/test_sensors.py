@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from gap_cli.contracts.failures import DocumentError
-from gap_cli.contracts.sensors import CameraNoise, Sensors, StereoDepth
+from gap_runtime.contracts.failures import DocumentError
+from gap_runtime.contracts.sensors import CameraNoise, Sensors, StereoDepth
 
 DEPTH = {"baseline": 0.05, "focal": 400.0, "subpixel": 0.1}
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 import yaml
 
-from gap_cli.contracts.failures import DocumentError, UnknownNameError
-from gap_cli.contracts.task import load_task
+from gap_runtime.contracts.failures import DocumentError, UnknownNameError
+from gap_runtime.contracts.task import load_task
 
 BASE = {
     "schema": "gap/task/v1",

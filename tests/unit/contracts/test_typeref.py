@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gap_cli.contracts.geometry import FRAMES
-from gap_cli.contracts.typeref import TypeRef
-from gap_cli.contracts.types import CAMERA, CONTRACT_TYPES, SCALAR_TYPES, WORLD, Mask, PointCloud, Se3Pose
+from gap_runtime.contracts.types import CAMERA, CONTRACT_TYPES, SCALAR_TYPES, WORLD, Mask, PointCloud, Se3Pose
+from gap_runtime.contracts.types.geometry import FRAMES
+from gap_runtime.contracts.types.typeref import TypeRef
 
 flags = {"is_list": st.booleans(), "optional": st.booleans()}
 framed = st.builds(TypeRef, st.sampled_from(sorted(CONTRACT_TYPES)), st.none() | st.sampled_from(FRAMES), **flags)

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.types import (
+from gap_runtime.contracts.types import (
     CONTRACT_TYPES,
     DepthImage,
     Image,

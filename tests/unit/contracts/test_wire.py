@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gap_cli.contracts.codec import from_plain, to_plain
-from gap_cli.contracts.failures import BadRequestError
-from gap_cli.contracts.proto import from_proto, message_class, proto_text, to_proto
-from gap_cli.contracts.types import CONTRACT_TYPES, PointCloud, Vec3
-from gap_cli.contracts.wire import from_msgpack, pack, to_msgpack, unpack
+from gap_runtime.contracts.encoding.codec import from_plain, to_plain
+from gap_runtime.contracts.encoding.framing import from_msgpack, pack, to_msgpack, unpack
+from gap_runtime.contracts.encoding.protobuf import from_proto, message_class, proto_text, to_proto
+from gap_runtime.contracts.failures import BadRequestError
+from gap_runtime.contracts.types import CONTRACT_TYPES, PointCloud, Vec3
 from tests.unit.contracts.strategies import texts, values
 
 NAMES = list(CONTRACT_TYPES)

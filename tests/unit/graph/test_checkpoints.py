@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gap_cli.contracts.predicates import check_expression
-from gap_cli.contracts.snapshot import BodyState, WorldSnapshot
-from gap_cli.contracts.types import OrientedBoundingBox, Quaternion, Se3Pose, Vec3
-from gap_cli.errors import DocumentError, UnknownNameError
-from gap_cli.graph.checkpoints import Checkpoint, evaluate, parse_checkpoints, render_checkpoints
+from gap_runtime.contracts.predicates import check_expression
+from gap_runtime.contracts.snapshot import BodyState, WorldSnapshot
+from gap_runtime.contracts.types import OrientedBoundingBox, Quaternion, Se3Pose, Vec3
+from gap_runtime.errors import DocumentError, UnknownNameError
+from gap_runtime.graph.checkpoints import Checkpoint, evaluate, parse_checkpoints, render_checkpoints
 
 UPRIGHT = Quaternion(1.0, 0.0, 0.0, 0.0)
 

@@ -6,13 +6,19 @@ from pathlib import Path
 
 import pytest
 
-from gap_cli.contracts.failures import BadRequestError, DocumentError, GapError, PrivilegedReadError, UnknownNameError
-from gap_cli.contracts.skill import Exits, SkillContract
-from gap_cli.contracts.tool import tool
-from gap_cli.contracts.types import Vec3
-from gap_cli.graph.compile import compile_workflow
-from gap_cli.graph.execute import RunSetup, run_graph
-from gap_cli.testing import compile_fake, fake_skill, fake_tools, fake_workflow
+from gap_runtime.contracts.failures import (
+    BadRequestError,
+    DocumentError,
+    GapError,
+    PrivilegedReadError,
+    UnknownNameError,
+)
+from gap_runtime.contracts.skill import Exits, SkillContract
+from gap_runtime.contracts.tool import tool
+from gap_runtime.contracts.types import Vec3
+from gap_runtime.graph.compile import compile_workflow
+from gap_runtime.run.execute import RunSetup, run_graph
+from gap_runtime.testing import compile_fake, fake_skill, fake_tools, fake_workflow
 
 CHAIN = [("START", "a"), ("a", "done")]
 

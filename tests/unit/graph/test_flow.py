@@ -7,10 +7,10 @@ from itertools import combinations
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
-from gap_cli.graph.beside import Beside
-from gap_cli.graph.flow import Flow
-from gap_cli.graph.model import Routing
-from tests.unit.graph.schedules import explore
+from gap_runtime.graph.concurrency import Beside
+from gap_runtime.graph.control_flow import Flow
+from gap_runtime.graph.model import Routing
+from tests.unit.run.schedules import explore
 
 
 def make(names, edges, routing=None, fan_out=()):

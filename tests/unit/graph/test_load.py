@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gap_cli.contracts.documents import parse_json
-from gap_cli.errors import DocumentError, GapError, WorkflowError
-from gap_cli.graph.load import load_workflow, parse_workflow
-from gap_cli.graph.validate import validate
-from tests.unit.graph.kit import WorkflowSpec, assemble, catalog, declare, pick_sg, plain_workflow, see_sg
+from gap_cli.validate.validator import validate
+from gap_runtime.contracts.documents import parse_json
+from gap_runtime.errors import DocumentError, GapError, WorkflowError
+from gap_runtime.graph.load import load_workflow, parse_workflow
+from tests.unit.validate.kit import WorkflowSpec, assemble, catalog, declare, pick_sg, plain_workflow, see_sg
 
 GOOD = json.dumps(plain_workflow())
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from gap_cli.contracts.failures import BadRequestError
-from gap_cli.contracts.types import Vec3
-from gap_cli.graph.refs import Reference, references, walk
+from gap_runtime.contracts.failures import BadRequestError
+from gap_runtime.contracts.types import Vec3
+from gap_runtime.graph.references import Reference, references, walk
 
 
 @pytest.mark.parametrize(

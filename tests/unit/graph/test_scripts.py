@@ -6,19 +6,19 @@ import textwrap
 
 import pytest
 
-from gap_cli.contracts.tool import REQUIRED
-from gap_cli.errors import DocumentError
-from gap_cli.graph.scripts import COMPUTED, read_signature
+from gap_runtime.contracts.tool import REQUIRED
+from gap_runtime.errors import DocumentError
+from gap_runtime.graph.scripts import COMPUTED, read_signature
 
 HEAD = """
 from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, NamedTuple, NotRequired, Optional, TypedDict
-from gap_cli.contracts import types
-from gap_cli.contracts.types import CAMERA, WORLD, CameraObservation, Frame, Mask, PointCloud, Vec3
-from gap_cli.contracts.types import OrientedBoundingBox as Box
-from gap_cli.contracts.tool import ScriptContext
+from gap_runtime.contracts import types
+from gap_runtime.contracts.types import CAMERA, WORLD, CameraObservation, Frame, Mask, PointCloud, Vec3
+from gap_runtime.contracts.types import OrientedBoundingBox as Box
+from gap_runtime.contracts.tool import ScriptContext
 WorldCloud = Annotated[PointCloud, WORLD]
 """
 

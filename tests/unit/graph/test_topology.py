@@ -6,9 +6,9 @@ import itertools
 
 import pytest
 
-from gap_cli.contracts.failures import UnknownNameError
-from gap_cli.graph.model import Routing
-from gap_cli.graph.topology import make_topology
+from gap_runtime.contracts.failures import UnknownNameError
+from gap_runtime.graph.model import Routing
+from gap_runtime.graph.topology import make_topology
 
 
 def waits(topology, name):

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import BadRequestError
-from gap_cli.contracts.typeref import TypeRef
-from gap_cli.contracts.types import DepthImage, PointCloud, Trajectory, Vec3
-from gap_cli.graph.values import isolated, make_check, make_shape, require_finite, sealed
+from gap_runtime.contracts.failures import BadRequestError
+from gap_runtime.contracts.types import DepthImage, PointCloud, Trajectory, Vec3
+from gap_runtime.contracts.types.typeref import TypeRef
+from gap_runtime.graph.values import isolated, make_check, make_shape, require_finite, sealed
 
 
 def shape(**fields):

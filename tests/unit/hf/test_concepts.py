@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import torch
 
-from gap_cli.contracts.failures import BadRequestError
-from gap_cli.contracts.types import BoundingBox2D, Image
-from gap_hf import concepts, segment
+from gap_hf.device import placement
 from gap_hf.loading import Network
-from gap_hf.placement import placement
+from gap_hf.vision import concepts, segment
+from gap_runtime.contracts.failures import BadRequestError
+from gap_runtime.contracts.types import BoundingBox2D, Image
 from tests.unit.hf import tiny
 
 IMAGE = Image(tiny.picture(60, 100, (20, 10, 60, 30)))

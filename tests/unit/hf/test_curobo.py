@@ -10,14 +10,15 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.failures import PlanningError, ToolError
-from gap_hf import curobo_search, published
-from gap_motion.edges import Edges
-from gap_motion.free_motion import to_joints
-from gap_motion.kinematics import chain
-from gap_motion.planner import plan
-from gap_motion.problems import free_space
+from gap_hf import curobo_search
+from gap_hf.grasps import research_packages as published
+from gap_motion.bench.problems import free_space
+from gap_motion.kinematics.chain import chain
+from gap_motion.planning.free_motion import to_joints
+from gap_motion.planning.motion_validator import Edges
+from gap_motion.planning.planner import plan
 from gap_robots.panda import panda
+from gap_runtime.contracts.failures import PlanningError, ToolError
 from tests.unit.hf import packages
 
 PANDA = panda()

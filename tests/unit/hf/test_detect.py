@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from gap_cli.contracts.failures import BadRequestError
-from gap_cli.contracts.types import BoundingBox2D, Image
-from gap_hf import detect
-from gap_hf.grounding import owners
 from gap_hf.loading import network
+from gap_hf.vision import detect
+from gap_hf.vision.grounding import owners
+from gap_runtime.contracts.failures import BadRequestError
+from gap_runtime.contracts.types import BoundingBox2D, Image
 from tests.unit.hf import tiny
 
 IMAGE = Image(tiny.picture(60, 100))

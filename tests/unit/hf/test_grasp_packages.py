@@ -9,9 +9,10 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.failures import BadRequestError, PerceptionError, ToolError
-from gap_cli.contracts.types import DepthImage, Mask, Matrix3x3, PointCloud
-from gap_hf import graspnet, m2t2, published
+from gap_hf.grasps import graspnet, m2t2
+from gap_hf.grasps import research_packages as published
+from gap_runtime.contracts.failures import BadRequestError, PerceptionError, ToolError
+from gap_runtime.contracts.types import DepthImage, Mask, Matrix3x3, PointCloud
 from tests.unit.hf import packages
 from tests.unit.hf.packages import DOWN, Net, gripper_at
 

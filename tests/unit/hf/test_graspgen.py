@@ -12,11 +12,12 @@ import pytest
 import zmq
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.failures import BadRequestError, PerceptionError, ToolError
-from gap_cli.contracts.types import PointCloud
-from gap_hf import grasp_client, graspgen
+from gap_hf.grasps import client as grasp_client
+from gap_hf.grasps import graspgen
 from gap_hf.wire import packed, unpacked
 from gap_robots.panda import panda
+from gap_runtime.contracts.failures import BadRequestError, PerceptionError, ToolError
+from gap_runtime.contracts.types import PointCloud
 
 PANDA = panda()
 DEPTH = grasp_client.DEPTHS["franka_panda"]

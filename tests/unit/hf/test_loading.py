@@ -8,9 +8,9 @@ import sys
 import pytest
 from safetensors.torch import load_file, save_file
 
-from gap_cli.contracts.failures import ToolError
 from gap_hf import loading, settings
 from gap_hf.loading import network
+from gap_runtime.contracts.failures import ToolError
 
 pytestmark = pytest.mark.usefixtures("fresh")
 

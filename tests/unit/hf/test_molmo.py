@@ -7,8 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import BadRequestError, CancelledError, PerceptionError
-from gap_cli.contracts.types import (
+from gap_hf.language import generation, molmo
+from gap_perception.frames import remember
+from gap_runtime.contracts.failures import BadRequestError, CancelledError, PerceptionError
+from gap_runtime.contracts.types import (
     CameraObservation,
     DepthImage,
     Image,
@@ -18,8 +20,6 @@ from gap_cli.contracts.types import (
     Se3Pose,
     Vec3,
 )
-from gap_hf import generation, molmo
-from gap_perception.frames import remember
 from tests.unit.hf import tiny
 
 IMAGE = Image(tiny.picture(40, 60))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import BadRequestError
-from gap_cli.contracts.types import BoundingBox2D, Image
-from gap_hf.pixels import HALVES, IMAGENET, Square, bounds, check_image, clipped, to_array, to_boxes, to_image
+from gap_hf.vision.pixels import HALVES, IMAGENET, Square, bounds, check_image, clipped, to_array, to_boxes, to_image
+from gap_runtime.contracts.failures import BadRequestError
+from gap_runtime.contracts.types import BoundingBox2D, Image
 from tests.unit.hf import tiny
 
 BOX = (20, 10, 60, 30)

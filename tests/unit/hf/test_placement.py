@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 import torch
 
-from gap_hf.placement import EXACT, Placement, computing, keep_exact, placement
-from gap_hf.prompted import SAM2, Prompt, prompts
+from gap_hf.device import EXACT, Placement, computing, keep_exact, placement
+from gap_hf.vision.promptable_segmentation import SAM2, Prompt, prompts
 from tests.unit.hf import tiny
 
 HALF = Placement(torch.device("cpu"), torch.bfloat16)
@@ -37,7 +37,7 @@ def test_the_environment_decides(monkeypatch):
 
 def test_prompts_keep_their_place_in_half_precision(serve, fresh):
     serve("sam2")
-    from gap_cli.contracts.types import Image
+    from gap_runtime.contracts.types import Image
 
     model = SAM2.load().model.cpu()
     image = Image(tiny.picture(480, 640))

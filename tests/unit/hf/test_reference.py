@@ -8,9 +8,11 @@ import torch
 
 pytest.importorskip("torchvision")
 
-from gap_cli.contracts.types import Image
-from gap_hf import concepts, generation, prompted
-from gap_hf.pixels import to_array, to_image
+from gap_hf.language import generation
+from gap_hf.vision import concepts
+from gap_hf.vision import promptable_segmentation as prompted
+from gap_hf.vision.pixels import to_array, to_image
+from gap_runtime.contracts.types import Image
 from tests.unit.hf import tiny
 
 IMAGE = Image(tiny.picture(60, 100))

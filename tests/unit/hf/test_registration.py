@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from gap_cli.plugins import load_registry
+from gap_runtime.plugins import load_registry
 
 SERVED = {
     "grounding_dino.Detect", "owlvit.Detect", "sam2.SegmentBox", "sam2.SegmentPoint", "sam3.SegmentText",
@@ -45,7 +45,7 @@ def test_it_serves_when_chosen_and_only_then(registry):
 def test_registering_loads_none_of_the_libraries():
     heavy = ("torch", "transformers", "httpx2", "zmq", "cv2", "PIL", "ompl", "mujoco")
     code = (
-        "import sys\nfrom gap_cli.plugins import load_registry\n"
+        "import sys\nfrom gap_runtime.plugins import load_registry\n"
         "registry = load_registry(('gap_perception', 'gap_grasps', 'gap_motion', 'gap_hf'), entry_points=False)\n"
         f"print(registry.broken, [m for m in {heavy!r} if m in sys.modules])"
     )

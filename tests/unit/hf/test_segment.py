@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 import torch
 
-from gap_cli.contracts.failures import BadRequestError
-from gap_cli.contracts.types import BoundingBox2D, Image
-from gap_hf import prompted, segment
+from gap_hf.device import placement
 from gap_hf.loading import Network
-from gap_hf.pixels import bounds
-from gap_hf.placement import placement
+from gap_hf.vision import promptable_segmentation as prompted
+from gap_hf.vision import segment
+from gap_hf.vision.pixels import bounds
+from gap_runtime.contracts.failures import BadRequestError
+from gap_runtime.contracts.types import BoundingBox2D, Image
 from tests.unit.hf import tiny
 
 IMAGE = Image(tiny.picture(60, 100, (20, 10, 60, 30)))

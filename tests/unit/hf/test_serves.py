@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gap_cli.contracts.tool import serves, tool
+from gap_runtime.contracts.tool import serves, tool
 
 
 @tool("lamp.Light", deadline_s=2.0)

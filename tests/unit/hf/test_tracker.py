@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import BadRequestError
-from gap_cli.contracts.types import BoundingBox2D, Image
-from gap_hf import concepts, following, tracker
-from gap_hf.concepts import Instance
-from gap_hf.following import Seen
+from gap_hf.vision import concepts, following, tracker
+from gap_hf.vision.concepts import Instance
+from gap_hf.vision.following import Seen
+from gap_runtime.contracts.failures import BadRequestError
+from gap_runtime.contracts.types import BoundingBox2D, Image
 from tests.unit.hf import tiny
 
 BOX = BoundingBox2D(20, 10, 60, 30)

@@ -13,9 +13,9 @@ import cv2
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import BadRequestError, CancelledError, PerceptionError, ToolError
-from gap_cli.contracts.types import Image
-from gap_hf import chat, vlm
+from gap_hf.language import chat, vlm
+from gap_runtime.contracts.failures import BadRequestError, CancelledError, PerceptionError, ToolError
+from gap_runtime.contracts.types import Image
 from tests.unit.hf import tiny
 
 IMAGE = Image(tiny.picture(30, 40))

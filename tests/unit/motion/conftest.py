@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gap_cli.contracts.types import (
+from gap_motion.kinematics.chain import chain
+from gap_runtime.contracts.types import (
     ArmState,
     GripperState,
     JointState,
@@ -15,9 +16,8 @@ from gap_cli.contracts.types import (
     Se3Pose,
     Vec3,
 )  # fmt: skip
-from gap_cli.contracts.world import Setpoint
-from gap_cli.plugins import load_registry
-from gap_motion.kinematics import chain
+from gap_runtime.contracts.world import Setpoint
+from gap_runtime.plugins import load_registry
 
 REGISTRY = load_registry(("gap_robots", "gap_motion"), entry_points=False)
 BASE = Se3Pose(Vec3(-0.6, 0.1, 0.0), Quaternion(0.9553364891256060, 0.0, 0.0, 0.2955202066613396))

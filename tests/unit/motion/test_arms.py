@@ -3,13 +3,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import BadRequestError, MotionError, PlanningError
-from gap_cli.contracts.types import JointState, Quaternion, Se3Pose, Vec3
-from gap_cli.contracts.world import Setpoint
-from gap_motion.requests import Cell
-from gap_motion.situation import Situation
-from gap_motion.timing import Limits, point_to_point
-from gap_motion.together import in_step, refuse_meeting
+from gap_motion.arguments import Cell
+from gap_motion.planning.multi_arm import in_step, refuse_meeting
+from gap_motion.planning.planning_scene import Situation
+from gap_motion.timing.timing import Limits, point_to_point
+from gap_runtime.contracts.failures import BadRequestError, MotionError, PlanningError
+from gap_runtime.contracts.types import JointState, Quaternion, Se3Pose, Vec3
+from gap_runtime.contracts.world import Setpoint
 from tests.unit.motion.conftest import IdealArm
 
 OPPOSITE = Se3Pose(Vec3(0.9, 0.1, 0.0), Quaternion(0.2955202066613396, 0.0, 0.0, -0.9553364891256060))

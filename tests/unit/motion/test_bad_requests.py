@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gap_cli.contracts.codec import from_plain, to_plain
-from gap_cli.contracts.failures import BadRequestError, ToolError
-from gap_cli.contracts.types import (
+from gap_runtime.contracts.encoding.codec import from_plain, to_plain
+from gap_runtime.contracts.failures import BadRequestError, ToolError
+from gap_runtime.contracts.types import (
     JointState,
     Obstacle,
     OrientedBoundingBox,

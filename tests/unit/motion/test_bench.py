@@ -1,5 +1,5 @@
-from gap_motion.bench import COLUMNS, motion
-from gap_motion.bench_goals import GOALS, goals
+from gap_motion.bench.goals import GOALS, goals
+from gap_motion.bench.motion import COLUMNS, motion
 
 
 def test_a_small_run_fills_every_column_and_finds_nothing_wrong():

@@ -3,15 +3,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import BadRequestError
-from gap_cli.contracts.types import Obstacle, OrientedBoundingBox, Quaternion, Vec3, WorldConfig
-from gap_motion.body import make_body, with_attached
-from gap_motion.checker import Checker
-from gap_motion.edges import Edges
-from gap_motion.obstacles import graspable, make_scene, with_spheres
-from gap_motion.problems import FLOOR, checker_among, scene_of
-from gap_motion.situation import cover_held
-from gap_motion.verify import Judge, Shape
+from gap_motion.bench.problems import FLOOR, checker_among, scene_of
+from gap_motion.bench.verify import Judge, Shape
+from gap_motion.collision.checker import Checker
+from gap_motion.collision.world import graspable, make_scene, with_spheres
+from gap_motion.kinematics.robot_model import make_body, with_attached
+from gap_motion.planning.motion_validator import Edges
+from gap_motion.planning.planning_scene import cover_held
+from gap_runtime.contracts.failures import BadRequestError
+from gap_runtime.contracts.types import Obstacle, OrientedBoundingBox, Quaternion, Vec3, WorldConfig
 from tests.unit.motion.conftest import random_joints
 
 LEVEL = Quaternion(1.0, 0.0, 0.0, 0.0)

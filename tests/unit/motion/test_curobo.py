@@ -4,8 +4,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import BadRequestError, PlanningError
-from gap_cli.contracts.types import (
+from gap_motion.kinematics.chain import chain
+from gap_motion.planning.cartesian_constraints import directed_end, held_end
+from gap_runtime.contracts.failures import BadRequestError, PlanningError
+from gap_runtime.contracts.types import (
     JointState,
     Obstacle,
     OrientedBoundingBox,
@@ -15,8 +17,6 @@ from gap_cli.contracts.types import (
     Vec3,
     WorldConfig,
 )  # fmt: skip
-from gap_motion.directed import directed_end, held_end
-from gap_motion.kinematics import chain
 
 LEVEL, DOWN = Quaternion(1.0, 0.0, 0.0, 0.0), Quaternion(0.0, 1.0, 0.0, 0.0)
 

@@ -1,8 +1,8 @@
 import mujoco
 import numpy as np
 
-from gap_motion.dynamics import SHARE, plant, torque_stretch, torques
-from gap_motion.timing import point_to_point
+from gap_motion.kinematics.dynamics import SHARE, plant, torque_stretch, torques
+from gap_motion.timing.timing import point_to_point
 from tests.unit.motion.conftest import random_joints
 
 

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import MotionError
-from gap_cli.contracts.types import Trajectory
-from gap_motion.envelope import refuse, workspace_excess
-from gap_motion.requests import Cell
-from gap_motion.timing import point_to_point
+from gap_motion.arguments import Cell
+from gap_motion.timing.limits import refuse, workspace_excess
+from gap_motion.timing.timing import point_to_point
+from gap_runtime.contracts.failures import MotionError
+from gap_runtime.contracts.types import Trajectory
 
 
 @pytest.fixture

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gap_motion.goals import KEEP, cheapest_free, free_goals, within_limits
-from gap_motion.ik import cost
-from gap_motion.moves import back_off
-from gap_motion.problems import groceries
+from gap_motion.bench.problems import groceries
+from gap_motion.kinematics.ik import cost
+from gap_motion.planning.goals import KEEP, cheapest_free, free_goals, within_limits
+from gap_motion.planning.moves import back_off
 
 
 @pytest.fixture

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import PlanningError
-from gap_motion import ik
 from gap_motion.failures import joint_range
-from gap_motion.ik_numeric import descend, spread
+from gap_motion.kinematics import ik
+from gap_motion.kinematics.damped_least_squares import descend, spread
+from gap_runtime.contracts.failures import PlanningError
 from tests.unit.motion.conftest import random_joints
 
 
@@ -66,7 +66,7 @@ def test_out_of_reach_says_how_far(spec, arm):
 
 
 def test_a_pose_only_beyond_a_limit_names_the_joint(robot):
-    from gap_motion.kinematics import chain
+    from gap_motion.kinematics.chain import chain
 
     spec = robot("panda")
     arm, q = chain(spec), np.array([0.7, 2.3, -0.3, -0.2, 0.0, -0.42, 0.7])

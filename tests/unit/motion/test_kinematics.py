@@ -2,8 +2,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import BadRequestError
-from gap_motion.kinematics import chain, sphere_centers
+from gap_motion.kinematics.chain import chain, sphere_centers
+from gap_runtime.contracts.failures import BadRequestError
 from tests.unit.motion.conftest import random_joints
 
 

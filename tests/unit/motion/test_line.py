@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import PlanningError
-from gap_motion import ik
-from gap_motion.line import follow, interpolate, waypoint_count
-from gap_motion.moves import straight, to_pose
-from gap_motion.requests import Cell
+from gap_motion.arguments import Cell
+from gap_motion.kinematics import ik
+from gap_motion.planning.line import follow, interpolate, waypoint_count
+from gap_motion.planning.moves import straight, to_pose
+from gap_runtime.contracts.failures import PlanningError
 
 
 @pytest.fixture
@@ -49,7 +49,7 @@ def test_the_tcp_keeps_to_the_speed_asked_for(here):
 
 
 def test_an_upright_upper_arm_is_passed_through(robot):
-    from gap_motion.kinematics import chain
+    from gap_motion.kinematics.chain import chain
 
     arm = chain(robot("panda"))
     q = np.array([-0.03, 0.014, -0.123, -2.507, 0.003, 2.521, 1.246])

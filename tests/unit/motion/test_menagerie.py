@@ -6,13 +6,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import DocumentError, UnknownNameError
-from gap_cli.plugins import load_registry
-from gap_motion import ik
-from gap_motion.kinematics import chain
+from gap_motion.kinematics import ik
+from gap_motion.kinematics.chain import chain
 from gap_robots import menagerie
 from gap_robots.panda import FOLDER as PANDA
 from gap_robots.ur5e import FOLDER as UR5E
+from gap_runtime.contracts.failures import DocumentError, UnknownNameError
+from gap_runtime.plugins import load_registry
 
 
 @pytest.fixture

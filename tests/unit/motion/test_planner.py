@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import PlanningError
-from gap_motion.edges import Edges
-from gap_motion.free_motion import to_grasps, to_joints, to_poses
-from gap_motion.planner import plan, shortcut
-from gap_motion.problems import cage, checker_among, free_space, groceries
-from gap_motion.verify import Judge
+from gap_motion.bench.problems import cage, checker_among, free_space, groceries
+from gap_motion.bench.verify import Judge
+from gap_motion.planning.free_motion import to_grasps, to_joints, to_poses
+from gap_motion.planning.motion_validator import Edges
+from gap_motion.planning.planner import plan, shortcut
+from gap_runtime.contracts.failures import PlanningError
 
 
 @pytest.fixture(scope="module")

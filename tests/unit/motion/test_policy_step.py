@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import MotionError
-from gap_cli.contracts.types import Quaternion, Se3Pose, Vec3
-from gap_cli.contracts.world import Setpoint
-from gap_motion.envelope import refuse
-from gap_motion.policy_step import MOST_LAG, begin, step, to_rest
-from gap_motion.requests import Cell
+from gap_motion.arguments import Cell
+from gap_motion.timing.limits import refuse
+from gap_motion.timing.policy_step import MOST_LAG, begin, step, to_rest
+from gap_runtime.contracts.failures import MotionError
+from gap_runtime.contracts.types import Quaternion, Se3Pose, Vec3
+from gap_runtime.contracts.world import Setpoint
 from tests.unit.motion.conftest import IdealArm
 
 ACTION = np.array([0.1, -0.2, -0.1, 0.0, 0.0, 0.05, 0.0])

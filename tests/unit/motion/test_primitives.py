@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.types import Obstacle, OrientedBoundingBox, Quaternion, Vec3, WorldConfig
-from gap_motion.body import STATIC, make_body
-from gap_motion.checker import Checker
-from gap_motion.kinematics import chain, sphere_centers
-from gap_motion.obstacles import Field, make_scene, with_spheres
-from gap_motion.primitives import Box, Primitives, solid_boxes, yielding
-from gap_motion.vamp_scene import environment, euler_xyz
+from gap_motion.collision.checker import Checker
+from gap_motion.collision.primitives import Box, Primitives, solid_boxes, yielding
+from gap_motion.collision.world import Field, make_scene, with_spheres
+from gap_motion.kinematics.chain import chain, sphere_centers
+from gap_motion.kinematics.robot_model import STATIC, make_body
+from gap_motion.vamp.scene import environment, euler_xyz
+from gap_runtime.contracts.types import Obstacle, OrientedBoundingBox, Quaternion, Vec3, WorldConfig
 from tests.unit.motion import vamp_like
 from tests.unit.motion.conftest import BASE, REGISTRY, random_joints
 

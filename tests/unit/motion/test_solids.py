@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.failures import BadRequestError
-from gap_cli.contracts.types import Obstacle, OrientedBoundingBox, Quaternion, Vec3, WorldConfig
-from gap_motion.body import make_body
-from gap_motion.checker import Checker
-from gap_motion.obstacles import VOXEL, make_scene, with_spheres
+from gap_motion.collision.checker import Checker
+from gap_motion.collision.world import VOXEL, make_scene, with_spheres
+from gap_motion.kinematics.robot_model import make_body
+from gap_runtime.contracts.failures import BadRequestError
+from gap_runtime.contracts.types import Obstacle, OrientedBoundingBox, Quaternion, Vec3, WorldConfig
 from tests.unit.motion.conftest import random_joints
 
 LEVEL = Quaternion(1.0, 0.0, 0.0, 0.0)

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from gap_cli.contracts.types import Trajectory
-from gap_motion.moves import sampled
-from gap_motion.paths import polyline, spline, velocity_limits, without_repeats
-from gap_motion.timing import Limits, point_to_point, time_path
+from gap_motion.planning.moves import sampled
+from gap_motion.planning.paths import polyline, spline, velocity_limits, without_repeats
+from gap_motion.timing.timing import Limits, point_to_point, time_path
+from gap_runtime.contracts.types import Trajectory
 from tests.unit.motion.conftest import random_joints
 
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import BadRequestError, MotionError, PlanningError
-from gap_cli.contracts.types import JointState, Se3Pose, Trajectory, Vec3
+from gap_runtime.contracts.failures import BadRequestError, MotionError, PlanningError
+from gap_runtime.contracts.types import JointState, Se3Pose, Trajectory, Vec3
 
 
 def here(cell):

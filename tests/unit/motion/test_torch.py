@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import PlanningError
-from gap_cli.contracts.types import Se3Pose, Vec3
-from gap_cli.plugins import load_registry
+from gap_runtime.contracts.failures import PlanningError
+from gap_runtime.contracts.types import Se3Pose, Vec3
+from gap_runtime.plugins import load_registry
 
 
 @pytest.fixture

@@ -10,17 +10,25 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import PlanningError, ToolError
-from gap_cli.contracts.types import JointState, Obstacle, OrientedBoundingBox, Quaternion, Se3Pose, Vec3, WorldConfig
-from gap_motion import vamp_arm as arms
-from gap_motion import vamp_tools
-from gap_motion.edges import Edges
-from gap_motion.kinematics import chain, sphere_centers
-from gap_motion.planner import plan
-from gap_motion.problems import checker_among
-from gap_motion.vamp_arm import vamp_arm
-from gap_motion.vamp_search import TRIES, VampSearch
-from gap_motion.verify import Shape
+from gap_motion.bench.problems import checker_among
+from gap_motion.bench.verify import Shape
+from gap_motion.kinematics.chain import chain, sphere_centers
+from gap_motion.planning.motion_validator import Edges
+from gap_motion.planning.planner import plan
+from gap_motion.vamp import arm as arms
+from gap_motion.vamp import tools as vamp_tools
+from gap_motion.vamp.arm import vamp_arm
+from gap_motion.vamp.search import TRIES, VampSearch
+from gap_runtime.contracts.failures import PlanningError, ToolError
+from gap_runtime.contracts.types import (
+    JointState,
+    Obstacle,
+    OrientedBoundingBox,
+    Quaternion,
+    Se3Pose,
+    Vec3,
+    WorldConfig,
+)
 from tests.unit.motion.conftest import BASE, REGISTRY, IdealArm, random_joints
 from tests.unit.motion.vamp_like import straight, vamp_like
 
@@ -58,7 +66,7 @@ def test_it_registers_where_it_is_installed_and_loads_nothing(tmp_path, folder, 
     (tmp_path / "vamp" / folder).mkdir(parents=True)
     (tmp_path / "vamp" / "__init__.py").write_text("raise RuntimeError('loaded')")
     code = (
-        "import sys\nfrom gap_cli.plugins import load_registry\n"
+        "import sys\nfrom gap_runtime.plugins import load_registry\n"
         "registry = load_registry(('gap_motion',), entry_points=False)\n"
         "served = sorted(n for n, by in registry.providers.items() if 'vamp' in by)\n"
         "print(registry.broken, served, 'vamp' in sys.modules)"

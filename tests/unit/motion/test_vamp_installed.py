@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gap_motion.edges import Edges
-from gap_motion.kinematics import chain
-from gap_motion.planner import plan
-from gap_motion.primitives import Box, Primitives
-from gap_motion.problems import cage, free_space
-from gap_motion.vamp_arm import installed, library, vamp_arm
-from gap_motion.vamp_scene import environment
-from gap_motion.vamp_search import VampSearch
+from gap_motion.bench.problems import cage, free_space
+from gap_motion.collision.primitives import Box, Primitives
+from gap_motion.kinematics.chain import chain
+from gap_motion.planning.motion_validator import Edges
+from gap_motion.planning.planner import plan
+from gap_motion.vamp.arm import installed, library, vamp_arm
+from gap_motion.vamp.scene import environment
+from gap_motion.vamp.search import VampSearch
 from tests.unit.motion import vamp_like
 from tests.unit.motion.conftest import REGISTRY, random_joints
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import PlanningError
-from gap_cli.contracts.types import Se3Pose, Trajectory, Vec3, WorldConfig
-from gap_motion.kinematics import chain
-from gap_motion.situation import Situation
+from gap_motion.kinematics.chain import chain
+from gap_motion.planning.planning_scene import Situation
+from gap_runtime.contracts.failures import PlanningError
+from gap_runtime.contracts.types import Se3Pose, Trajectory, Vec3, WorldConfig
 
 
 @pytest.fixture

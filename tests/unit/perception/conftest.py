@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.task import Environment, ObjectModel, Shape, Support
-from gap_cli.contracts.types import CameraObservation, DepthImage, Image, Matrix3x3, Se3Pose
 from gap_perception.scene.library import fuse
+from gap_runtime.contracts.task import Environment, ObjectModel, Shape, Support
+from gap_runtime.contracts.types import CameraObservation, DepthImage, Image, Matrix3x3, Se3Pose
 
 SIZE = (0.08, 0.05, 0.03)
 

@@ -6,7 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from gap_cli.contracts.types import (
+from gap_perception.bench.perception import Search
+from gap_perception.bench.pictures import BYTES, FOUND, SHOWN, TILE, TRUE, severity, sheet, worst
+from gap_runtime.contracts.types import (
     CameraObservation,
     DepthImage,
     Image,
@@ -17,8 +19,6 @@ from gap_cli.contracts.types import (
     Se3Pose,
     Vec3,
 )
-from gap_perception.bench import Search
-from gap_perception.bench_pictures import BYTES, FOUND, SHOWN, TILE, TRUE, severity, sheet, worst
 
 H, W = 240, 320
 K = np.array([[200.0, 0, W / 2], [0, 200, H / 2], [0, 0, 1]])

@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from gap_cli.contracts.sensors import CameraNoise, StereoDepth
-from gap_perception.bench_report import GOALS, report
-from gap_perception.bench_summary import by, summarise
+from gap_perception.bench.report import GOALS, report
+from gap_perception.bench.summary import by, summarise
+from gap_runtime.contracts.sensors import CameraNoise, StereoDepth
 
 
 def row(name, there=True, found=True, *, sensor="clean", wrong=False, mm=1.0, clutter="usual", seed=1):

@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gap_perception.scene.blobs import LINK, VOXEL, Links, voxelise
+from gap_perception.scene.voxel_clusters import LINK, VOXEL, Links, voxelise
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(0, 200))

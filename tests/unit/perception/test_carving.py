@@ -3,10 +3,10 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import PerceptionError
-from gap_cli.contracts.types import DepthImage, OrientedBoundingBox, Quaternion, Vec3
-from gap_perception.carving import build_mesh, carve, wrap
-from gap_perception.mesh_views import MaskedView
+from gap_perception.models.mesh_views import MaskedView
+from gap_perception.models.visual_hull import build_mesh, carve, wrap
+from gap_runtime.contracts.failures import PerceptionError
+from gap_runtime.contracts.types import DepthImage, OrientedBoundingBox, Quaternion, Vec3
 
 UPRIGHT = Quaternion(1.0, 0.0, 0.0, 0.0)
 BOX = OrientedBoundingBox(Vec3(0.0, 0.0, 0.05), Vec3(0.1, 0.1, 0.05), UPRIGHT)

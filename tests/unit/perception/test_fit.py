@@ -4,7 +4,7 @@ from scipy.spatial.transform import Rotation
 
 from gap_perception.scene.fit import Fit, fit, resting_size, rests
 from gap_perception.scene.match import judge, symmetries
-from gap_perception.scene.measured import Measured
+from gap_perception.scene.observed_points import Measured
 from gap_perception.scene.visibility import agreement, depth_view
 
 YAW, SPOT = 0.7, np.array([0.12, -0.3])

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from gap_cli.contracts.types import (
+from gap_perception.frames import KEEP, find, latest, remember
+from gap_runtime.contracts.types import (
     CameraObservation,
     DepthImage,
     Image,
@@ -11,7 +12,6 @@ from gap_cli.contracts.types import (
     Se3Pose,
     Vec3,
 )
-from gap_perception.frames import KEEP, find, latest, remember
 
 
 def observation(seed, stamp=0.0, cameras=2):

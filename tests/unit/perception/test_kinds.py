@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import get_args
 
-from gap_cli.contracts.task import Shape
-from gap_perception.vocabulary import KIND_WORDS
+from gap_perception.language.vocabulary import KIND_WORDS
+from gap_runtime.contracts.task import Shape
 
 
 def test_every_kind_of_shape_has_words():

@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gap_perception.scene.fit import Fit
-from gap_perception.scene.lean import lean
-from gap_perception.scene.measured import Measured
-from gap_perception.scene.solid import collide
+from gap_perception.scene.interpenetration import collide
+from gap_perception.scene.observed_points import Measured
+from gap_perception.scene.tilt_fit import lean
 from gap_perception.scene.visibility import depth_view
 
 PLACE = np.array([0.1, -0.2, 0.16])

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.types import CameraObservation, Se3Pose
 from gap_perception.scene.points import lift
+from gap_runtime.contracts.types import CameraObservation, Se3Pose
 
 
 def misplaced(camera, turn_deg=(0.0, 0.0, 0.0), rise=0.0):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gap_cli.contracts.task import ObjectModel, Shape
+from gap_perception.language.vocabulary import build_vocabulary
 from gap_perception.parts import INSIDE, read_part
-from gap_perception.vocabulary import build_vocabulary
+from gap_runtime.contracts.task import ObjectModel, Shape
 
 PAN = Shape(kind="pan", size=(0.35, 0.20, 0.05), wall=0.005, floor=0.005, handle=(0.03, 0.01))
 MUG = Shape(kind="mug", size=(0.12, 0.085, 0.095), wall=0.004, floor=0.006, handle=(0.014, 0.008))

@@ -1,8 +1,8 @@
 import pytest
 
-from gap_cli.contracts.task import ObjectModel, Shape
-from gap_perception.phrases import read_phrase
-from gap_perception.vocabulary import build_vocabulary
+from gap_perception.language.phrases import read_phrase
+from gap_perception.language.vocabulary import build_vocabulary
+from gap_runtime.contracts.task import ObjectModel, Shape
 
 
 @pytest.fixture(scope="module")

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from gap_cli.contracts.failures import BadRequestError
-from gap_cli.contracts.types import CameraObservation, DepthImage, Matrix3x3
 from gap_perception.scene.points import lift, project
+from gap_runtime.contracts.failures import BadRequestError
+from gap_runtime.contracts.types import CameraObservation, DepthImage, Matrix3x3
 
 
 def test_an_empty_floor_has_no_points(camera, floor):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gap_perception.scene.measured import Measured
+from gap_perception.scene.observed_points import Measured
 from gap_perception.scene.propose import RAISED, aligned, propose, rectangle
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gap_cli.plugins import load_registry
+from gap_runtime.plugins import load_registry
 
 CATALOGUE = json.loads((Path(__file__).parents[2] / "contract" / "catalogue.json").read_text())
 SERVICES = ("observation", "grounding_dino", "owlvit", "sam2", "sam3", "sam3_tracker", "sam3d", "molmo", "vlm")
@@ -20,7 +20,7 @@ def tools():
 
 def test_registering_loads_no_heavy_library():
     code = (
-        "from gap_cli.plugins import load_registry; import sys;"
+        "from gap_runtime.plugins import load_registry; import sys;"
         "assert not load_registry(only=['gap_perception'], entry_points=False).broken;"
         "print([m for m in ('cv2', 'mujoco', 'sklearn', 'torch', 'dm_control', 'skimage') if m in sys.modules])"
     )

@@ -1,7 +1,7 @@
 import pytest
 
-from gap_cli.contracts.task import ObjectModel, Shape
-from gap_perception.vocabulary import build_vocabulary, singular, tokens
+from gap_perception.language.vocabulary import build_vocabulary, singular, tokens
+from gap_runtime.contracts.task import ObjectModel, Shape
 
 
 @pytest.fixture

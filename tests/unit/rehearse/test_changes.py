@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.types import Quaternion, Se3Pose, Vec3
-from gap_cli.rehearse.changes import changes
-from gap_cli.testing import FakeWorld
+from gap_cli.rehearse.state_diff import changes
+from gap_runtime.contracts.types import Quaternion, Se3Pose, Vec3
+from gap_runtime.testing import FakeWorld
 
 
 @pytest.fixture

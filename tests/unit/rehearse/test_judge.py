@@ -2,8 +2,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from gap_cli.errors import DocumentError
 from gap_cli.rehearse.judge import SETTLE_LIMIT_S, Conditions, judge, make_conditions, settle
+from gap_runtime.errors import DocumentError
 
 TASK = SimpleNamespace(success={"near": 'w.body("{target}").x < 1', "in": '"{container}" == "bin"'}, path=None)
 

@@ -10,14 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from gap_cli.contracts.engine import RehearsalJob
-from gap_cli.errors import GapError, RunError
 from gap_cli.rehearse.pool import LocalEngine
+from gap_runtime.contracts.engine import RehearsalJob
+from gap_runtime.errors import GapError, RunError
 
 WORKER = """
 import ctypes, os, signal, sys, time
-from gap_cli.contracts.engine import EpisodeResult
-from gap_cli.errors import GapError
+from gap_runtime.contracts.engine import EpisodeResult
+from gap_runtime.errors import GapError
 from gap_cli.rehearse.process import decode_job
 from gap_cli.rehearse.worker import serve
 
@@ -125,7 +125,7 @@ def test_no_worker_outlives_a_rehearsal_that_was_cut_off(rehearse, tmp_path):
 PARENT = """
 import sys, threading
 from pathlib import Path
-from gap_cli.contracts.engine import RehearsalJob
+from gap_runtime.contracts.engine import RehearsalJob
 from gap_cli.rehearse.pool import LocalEngine
 folder = Path(sys.argv[1])
 job = RehearsalJob(folder, folder / "w", folder / "out")

@@ -1,5 +1,5 @@
 from gap_cli.rehearse.prepare import describe, in_order, prepare, tools_used
-from gap_cli.testing import fake_workflow
+from gap_runtime.testing import fake_workflow
 
 
 def test_subgraphs_come_in_the_order_control_reaches_them():

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from gap_cli.artifacts.canonical import plain, write_json
-from gap_cli.artifacts.volatile import read_meta
-from gap_cli.errors import RunError, UnknownNameError
 from gap_cli.rehearse import rehearse
+from gap_cli.workspace.canonical import plain, write_json
+from gap_cli.workspace.metadata import read_meta
+from gap_runtime.errors import RunError, UnknownNameError
 
 SEEN_BY_GIT = ("episodes.jsonl", "summary.json", "feedback.md")
 

@@ -7,8 +7,8 @@ import pytest
 from foxglove import messages as fg
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
-from gap_cli.contracts.task import ObjectModel, Shape
-from gap_cli.rehearse.shapes import entity
+from gap_cli.rehearse.recording.foxglove_scene import entity
+from gap_runtime.contracts.task import ObjectModel, Shape
 
 SHAPES = {
     "box": Shape(kind="box", size=(0.1, 0.2, 0.05)),

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from gap_cli.plugins import Entry
 from gap_cli.rehearse.warm import warm_up
+from gap_runtime.plugins import Entry
 
 
 def registry(called):
@@ -23,8 +23,8 @@ def test_only_the_plugins_in_use_are_prepared():
 
 
 def test_what_is_prepared_is_what_nodes_find():
-    from gap_cli.graph.context import SHARED
     from gap_cli.rehearse.warm import ModelContext
+    from gap_runtime.run.context import SHARED
 
     made = ModelContext(None, ()).shared("test.warm", object)
     assert SHARED.get("test.warm", object) is made

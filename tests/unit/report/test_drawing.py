@@ -2,10 +2,10 @@ from xml.etree import ElementTree
 
 import pytest
 
-from gap_cli.graph.dump import dump_workflow
-from gap_cli.graph.model import Workflow
 from gap_cli.report.drawing import edges, graph_svg
-from gap_cli.testing import fake_workflow
+from gap_runtime.graph.dump import dump_workflow
+from gap_runtime.graph.model import Workflow
+from gap_runtime.testing import fake_workflow
 
 STATS = {"main": {"validation": {"rate": 0.25, "passed": 1, "of": 4}}}
 

@@ -5,9 +5,9 @@ from html.parser import HTMLParser
 
 import pytest
 
-from gap_cli.errors import RunError
 from gap_cli.rehearse import rehearse
 from gap_cli.report.page import commands, write_report
+from gap_runtime.errors import RunError
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}
 

@@ -7,11 +7,11 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from gap_cli.contracts.failures import DocumentError
-from gap_cli.errors import RunError
 from gap_cli.main import app
-from gap_cli.rehearse.once import run_once
+from gap_cli.rehearse.single_run import run_once
 from gap_cli.report.view import read_view
+from gap_runtime.contracts.failures import DocumentError
+from gap_runtime.errors import RunError
 
 
 def view(run, *arguments):

@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gap_cli.errors import SandboxError
 from gap_cli.sandbox import builder, level, run_builder
 from gap_cli.sandbox.server import ForkServer
+from gap_runtime.errors import SandboxError
 
 GRASP = """
 from vos.builder import Subgraph, Ref, START, END

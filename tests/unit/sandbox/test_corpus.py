@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from gap_cli.errors import GapError, SandboxError, UnknownNameError
 from gap_cli.sandbox import ScriptJail, run_builder
 from gap_cli.sandbox.server import ForkServer
+from gap_runtime.errors import GapError, SandboxError, UnknownNameError
 from tests.unit.sandbox import corpus
 
 SHORT_S, LONG_S = 0.5, 30.0  # for what is meant to run out of time, and for everything else on a busy machine
@@ -29,7 +29,7 @@ def frame(data): os.write(4, struct.pack("<I", len(data)) + data)
 """
 SCRIPT_HELP = """
 import numpy as np
-from gap_cli.sandbox.frames import write_frame
+from gap_cli.sandbox.framing import write_frame
 def raw(data): write_frame(4, data)
 def ext(code, data): return msgpack.ExtType(code, data)
 def send(value): raw(msgpack.packb(["return", value]))

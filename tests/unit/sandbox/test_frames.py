@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from gap_cli.sandbox.frames import (
+from gap_cli.sandbox.framing import (
     HEADER,
     DeadlineError,
     FloodError,

@@ -38,7 +38,7 @@ def test_builder_code_is_told_what_it_may_not(source, said):
     "source",
     [
         "from vos.builder import WorkflowSpec, START\nfrom vos.runtime.workflow import ServiceCall",
-        "from gap_cli.graph.builder import Subgraph\nsg = Subgraph('a', skill='b')",
+        "from gap_cli.builder.workflow import Subgraph\nsg = Subgraph('a', skill='b')",
         "for _ in range(3): pass",
         "names = [f'{a}_sg' for a in ('x', 'y')]\nassert names",
         "def build(n):\n    class Step: pass\n    return lambda w: w.body('x').z > 0.1",
@@ -50,7 +50,7 @@ def test_ordinary_builder_code_has_nothing_said_about_it(source):
 
 
 def test_a_script_may_compute_and_have_its_own_helpers():
-    source = "from gap_cli.contracts.types import Mask\ndef _half(x): return '{}'.format(x)\nprint(1)"
+    source = "from gap_runtime.contracts.types import Mask\ndef _half(x): return '{}'.format(x)\nprint(1)"
     assert lint(source, SCRIPT) == []
     assert [m for _, m in lint("import os\n().__class__", SCRIPT)] == [
         "os cannot be imported",
@@ -61,6 +61,6 @@ def test_a_script_may_compute_and_have_its_own_helpers():
 def test_the_report_has_the_first_line_and_mentions_the_others():
     said = report("x = 1\nimport os\nopen('x')", BUILDER, "<x>")
     assert said["line"] == 2
-    assert "Importable: gap_cli.graph.builder, vos.builder" in said["hint"]
+    assert "Importable: gap_cli.builder.workflow, vos.builder" in said["hint"]
     assert "line 3" in said["hint"]
     assert report("x = 1", BUILDER, "<x>") is None

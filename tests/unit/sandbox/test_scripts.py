@@ -5,7 +5,11 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from gap_cli.contracts.types import (
+from gap_cli.sandbox import ScriptJail
+from gap_cli.sandbox.robots import plain, spec_of
+from gap_cli.sandbox.server import ForkServer
+from gap_cli.skills import load_library
+from gap_runtime.contracts.types import (
     CameraObservation,
     DepthImage,
     Image,
@@ -17,7 +21,7 @@ from gap_cli.contracts.types import (
     Se3Pose,
     Vec3,
 )
-from gap_cli.errors import (
+from gap_runtime.errors import (
     CancelledError,
     DocumentError,
     GapError,
@@ -28,11 +32,7 @@ from gap_cli.errors import (
     ToolError,
     UnknownNameError,
 )
-from gap_cli.plugins import load_registry
-from gap_cli.sandbox import ScriptJail
-from gap_cli.sandbox.robots import plain, spec_of
-from gap_cli.sandbox.server import ForkServer
-from gap_cli.skills import load_library
+from gap_runtime.plugins import load_registry
 
 POSE = Se3Pose.of(np.eye(4))
 CAMERA = CameraObservation(
@@ -108,7 +108,7 @@ def test_a_script_may_define_dataclasses_and_use_numpy_and_scipy(run):
         "from dataclasses import dataclass\n"
         "import numpy as np\n"
         "from scipy.spatial.transform import Rotation\n"
-        "from gap_cli.contracts.types import Vec3\n"
+        "from gap_runtime.contracts.types import Vec3\n"
         "@dataclass\nclass Out:\n    where: Vec3\n"
         "def run(ctx):\n"
         "    u, s, vt = np.linalg.svd(np.diag([3.0, 2.0, 1.0]))\n"
@@ -119,7 +119,7 @@ def test_a_script_may_define_dataclasses_and_use_numpy_and_scipy(run):
 
 def test_the_failure_of_a_tool_can_be_handled(run):
     source = (
-        "from gap_cli.contracts.failures import PlanningError\n"
+        "from gap_runtime.contracts.failures import PlanningError\n"
         "def run(ctx):\n"
         "    try: ctx.tool('a.Plan')\n"
         "    except PlanningError as error: return [error.code, error.message, error.hint, error.detail]"
@@ -137,7 +137,7 @@ def test_the_failure_of_a_tool_let_through_is_that_very_failure(run):
 
 def test_a_failure_the_script_raises_is_the_contracts(run):
     source = (
-        "from gap_cli.contracts.failures import PerceptionError\n"
+        "from gap_runtime.contracts.failures import PerceptionError\n"
         "def run(ctx):\n    raise PerceptionError('not_found', 'no basket', detail={'n': 0})"
     )
     with pytest.raises(PerceptionError, match="no basket") as caught:
@@ -263,8 +263,8 @@ PANDA = load_registry().robots["panda"].value()
 def test_a_robot_s_spec_arrives_whole_but_for_where_its_model_lies(run):
     assert replace(spec_of(plain(PANDA)), model_file=PANDA.model_file) == PANDA
     source = (
-        "from gap_cli.contracts.robot import RobotSpec\n"
-        "from gap_cli.contracts.tool import ScriptContext\n"
+        "from gap_runtime.contracts.robot import RobotSpec\n"
+        "from gap_runtime.contracts.tool import ScriptContext\n"
         "def run(ctx: ScriptContext, arm: int) -> list:\n"
         "    spec = ctx.robot(arm)\n"
         "    assert isinstance(spec, RobotSpec)\n"
@@ -286,9 +286,9 @@ def test_a_robot_that_is_not_there_ends_the_script(run):
 
 
 def test_an_import_the_jail_has_not_says_why_it_is_there_and_what_there_is(run):
-    with pytest.raises(SandboxError, match=r"'gap_cli.contracts.snapshots'.*byte for byte") as caught:
-        run("import gap_cli.contracts.snapshots\ndef run(ctx): return 1")
-    assert "gap_cli.contracts.robot" in caught.value.hint
+    with pytest.raises(SandboxError, match=r"'gap_runtime.contracts.snapshots'.*byte for byte") as caught:
+        run("import gap_runtime.contracts.snapshots\ndef run(ctx): return 1")
+    assert "gap_runtime.contracts.robot" in caught.value.hint
     with pytest.raises(SandboxError, match=r"os cannot be imported.*byte for byte") as caught:
         run("import os\ndef run(ctx): return 1")
     assert "Importable" in caught.value.hint

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from gap_cli.errors import SandboxError
 from gap_cli.sandbox.confine import Limits
 from gap_cli.sandbox.server import ForkServer
+from gap_runtime.errors import SandboxError
 
 WORKER = "gap_cli.sandbox.builder_child"
 

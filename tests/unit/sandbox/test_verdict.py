@@ -2,7 +2,7 @@ import signal
 
 import pytest
 
-from gap_cli.sandbox import verdict
+from gap_cli.sandbox import exit_status as verdict
 from gap_cli.sandbox.zygote import NOT_LOCKED
 
 

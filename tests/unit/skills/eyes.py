@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from gap_cli.contracts.types import (
+from gap_runtime.contracts.types import (
     BoundingBox2D,
     CameraObservation,
     DepthImage,

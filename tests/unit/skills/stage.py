@@ -7,10 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.types import JointState, OrientedBoundingBox, Quaternion, Se3Pose, Vec3
-from gap_cli.graph.callees import load_script
-from gap_cli.plugins import load_registry
 from gap_cli.skills import load_library
+from gap_runtime.contracts.types import JointState, OrientedBoundingBox, Quaternion, Se3Pose, Vec3
+from gap_runtime.graph.callees import load_script
+from gap_runtime.plugins import load_registry
 
 REGISTRY = load_registry()
 LIBRARY = load_library(REGISTRY.skill_paths)

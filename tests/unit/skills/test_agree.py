@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from gap_cli.contracts.types import ObjectMask
-from gap_cli.errors import PerceptionError
+from gap_runtime.contracts.types import ObjectMask
+from gap_runtime.errors import PerceptionError
 from tests.unit.skills.eyes import AWAY, CAN, Eyes, camera, number, patch, seen
 from tests.unit.skills.stage import LIBRARY, script
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gap_cli.errors import GraspError
+from gap_runtime.errors import GraspError
 from tests.unit.skills.stage import ROBOTS, Stage, box, script
 
 run = script("grasp-curobo-obb", "obb_candidates")

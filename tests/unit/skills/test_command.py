@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 import morsl
 from gap_cli.commands.skills import app
-from gap_cli.errors import DocumentError, UnknownNameError
+from gap_runtime.errors import DocumentError, UnknownNameError
 
 MORSL = morsl.__path__[0]
 
@@ -54,7 +54,7 @@ def test_check_passes_a_good_skill_and_fails_a_bad_one(tmp_path):
     [
         ("templates/subgraph.py.j2", "{{ on_error | py }}", "{{ on_eror | py }}", "on_eror"),
         ("templates/subgraph.py.j2", "{{ on_error | py }}", "{% if %}", "is not a template"),
-        ("templates/subgraph.py.j2", "from gap_cli.graph.builder", "import os\nfrom gap_cli.graph.builder", "os"),
+        ("templates/subgraph.py.j2", "from gap_cli.builder.workflow", "import os\nfrom gap_cli.builder.workflow", "os"),
         ("scripts/perceive_dino_vlm.py", "object_name: str", "object_name", "has no type"),
         ("scripts/perceive_dino_vlm.py", '"vlm.Query"', '"vlm.QueryYesNo"', "does not list"),
         ("contract.yaml", "- vlm.Query", "- vlm.Qery", "vlm.Qery"),

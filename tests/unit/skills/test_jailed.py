@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from gap_cli.contracts.types import CameraObservation, DepthImage, Detection, Image, Matrix3x3, Se3Pose
-from gap_cli.errors import PerceptionError
 from gap_cli.sandbox import ScriptJail
+from gap_runtime.contracts.types import CameraObservation, DepthImage, Detection, Image, Matrix3x3, Se3Pose
+from gap_runtime.errors import PerceptionError
 from tests.unit.skills.stage import LIBRARY
 
 CAMERA = CameraObservation(

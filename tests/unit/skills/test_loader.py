@@ -7,8 +7,8 @@ import shutil
 
 import pytest
 
-from gap_cli.errors import DocumentError, PluginError, UnknownNameError
 from gap_cli.skills import load_bundle, load_library, parse_skill_md
+from gap_runtime.errors import DocumentError, PluginError, UnknownNameError
 
 HEAD = (
     "---\nname: pour-cup\ndescription: Pours. Use when a cup is empty.\nmetadata:\n  gap-contract: contract.yaml\n---\n"

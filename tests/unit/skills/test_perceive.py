@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gap_cli.contracts.types import (
+from gap_runtime.contracts.types import (
     BoundingBox2D,
     CameraObservation,
     DepthImage,
@@ -20,7 +20,7 @@ from gap_cli.contracts.types import (
     Se3Pose,
     Vec3,
 )
-from gap_cli.errors import PerceptionError
+from gap_runtime.errors import PerceptionError
 from tests.unit.skills.stage import LIBRARY, ROBOTS, Stage, box, cloud, script
 
 run = script("perception-single", "perceive_dino_vlm")

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gap_cli.contracts.types import Mask, PointCloud
-from gap_cli.errors import PerceptionError
+from gap_runtime.contracts.types import Mask, PointCloud
+from gap_runtime.errors import PerceptionError
 from tests.unit.skills.eyes import AWAY, CAN, COLUMNS, ROWS, Eyes, seen
 from tests.unit.skills.stage import script
 

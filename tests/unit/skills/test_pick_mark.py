@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gap_cli.errors import PerceptionError
+from gap_runtime.errors import PerceptionError
 from tests.unit.skills.eyes import AWAY, CAN, Eyes, seen
 from tests.unit.skills.stage import LIBRARY, script
 

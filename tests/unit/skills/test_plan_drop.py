@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gap_cli.contracts.types import GripperState, Obstacle, Quaternion, Se3Pose, Vec3, WorldConfig
-from gap_cli.errors import GraspError, PlanningError
+from gap_runtime.contracts.types import GripperState, Obstacle, Quaternion, Se3Pose, Vec3, WorldConfig
+from gap_runtime.errors import GraspError, PlanningError
 from tests.unit.skills.stage import DOWN, ROBOTS, Stage, box, cloud, script
 
 run = script("transport-to-drop", "plan_drop")

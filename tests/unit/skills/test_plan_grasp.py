@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gap_cli.contracts.types import GripperState, Obstacle, WorldConfig
-from gap_cli.errors import GraspError, PlanningError
+from gap_runtime.contracts.types import GripperState, Obstacle, WorldConfig
+from gap_runtime.errors import GraspError, PlanningError
 from tests.unit.skills.stage import ROBOTS, Stage, box, cloud, script
 
 run = script("grasp-direct-ik", "plan_grasp")

@@ -7,12 +7,12 @@ import sys
 
 import pytest
 
-from gap_cli.author.proof import check_skill, run_alone
-from gap_cli.errors import BadRequestError, StorageError
-from gap_cli.plugins import load_registry
+from gap_cli.author.skill_check import check_skill, run_alone
 from gap_cli.skills import load_library
 from gap_cli.skills.scaffold import new_plugin
-from gap_cli.testing import FakeWorld
+from gap_runtime.errors import BadRequestError, StorageError
+from gap_runtime.plugins import load_registry
+from gap_runtime.testing import FakeWorld
 
 
 @pytest.fixture

@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from gap_cli.contracts.tool import ToolContext, tool
-from gap_cli.contracts.types import BoundingBox2D, Image, Mask
-from gap_cli.errors import PerceptionError
-from gap_cli.graph.compile import compile_workflow
-from gap_cli.graph.execute import RunSetup, run_graph
-from gap_cli.testing import FakeWorld, fake_skill, fake_tools, fake_workflow
+from gap_runtime.contracts.tool import ToolContext, tool
+from gap_runtime.contracts.types import BoundingBox2D, Image, Mask
+from gap_runtime.errors import PerceptionError
+from gap_runtime.graph.compile import compile_workflow
+from gap_runtime.run.execute import RunSetup, run_graph
+from gap_runtime.testing import FakeWorld, fake_skill, fake_tools, fake_workflow
 from tests.unit.skills.stage import LIBRARY, ROBOTS, Stage, script
 
 run = script("track-object", "run")

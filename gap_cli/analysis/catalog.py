@@ -1,0 +1,176 @@
+"""What a graph may refer to: tools, skills, scripts, objects and checkpoints; every callable under one signature."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from gap_runtime.contracts.documents import read_text
+from gap_runtime.contracts.failures import GapError
+from gap_runtime.contracts.skill import NAME_SLOT, SkillContract
+from gap_runtime.contracts.tool import Param, ToolSpec
+from gap_runtime.contracts.types.typeref import TypeRef
+from gap_runtime.graph.checkpoints import Checkpoint, parse_checkpoints
+from gap_runtime.graph.model import Node, Workflow
+from gap_runtime.graph.names import parse_type
+from gap_runtime.graph.scripts import COMPUTED, ScriptSpec, read_signature
+
+
+@dataclass(frozen=True)
+class Callee:
+    """What a node calls, be it a tool, an atomic skill or a script.
+
+    `tools` are the tools it may call in its turn (itself, for a tool): what it can hold, and whether it is privileged,
+    follows from them. `choices` are the words a result field may take ('' for the bare result), `words` those
+    an input may be, where known.
+    """
+
+    what: str
+    inputs: Mapping[str, Param]
+    output: TypeRef | None
+    fields: Mapping[str, TypeRef]
+    streaming: bool
+    tools: tuple[ToolSpec, ...]
+    choices: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    words: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Catalog:
+    """Everything a workflow is judged against.
+
+    scripts      by path as nodes write it (`scripts/<subgraph>/<file>.py`).
+    objects      ids and labels of the task's objects; None: not known, names are not checked.
+    checkpoints  by subgraph definition; None: not written yet, and not checked.
+    problems     path of a script or checkpoint file -> why it could not be read.
+    """
+
+    tools: Mapping[str, ToolSpec]
+    skills: Mapping[str, SkillContract]
+    scripts: Mapping[str, ScriptSpec] = field(default_factory=dict)
+    objects: frozenset[str] | None = None
+    checkpoints: Mapping[str, tuple[Checkpoint, ...]] | None = None
+    problems: Mapping[str, str] = field(default_factory=dict)
+    joints: frozenset[str] | None = None
+
+    def skill(self, name: str) -> SkillContract | None:
+        """The contract of a skill; the paper's underscore spelling resolves."""
+        return self._skills.get(name.replace("_", "-"))
+
+    def callee(self, node: Node, contract: SkillContract | None) -> Callee | None:
+        """What a node calls; None for a noop, or where it does not exist."""
+        if node.type == "tool" and node.tool is not None:
+            return self._tool(node.tool)
+        if node.type in ("script", "router") and node.script is not None:
+            return self._script(node.script, contract)
+        return None
+
+    @property
+    def callable_names(self) -> list[str]:
+        """Every name a tool node may use."""
+        return [*self.tools, *(n for n, c in self.skills.items() if c.kind == "atomic")]
+
+    @cached_property
+    def _skills(self) -> dict[str, SkillContract]:
+        return {name.replace("_", "-"): contract for name, contract in self.skills.items()}
+
+    @cached_property
+    def _callees(self) -> dict[Any, Callee]:
+        return {}
+
+    def _tool(self, name: str) -> Callee | None:
+        if name not in self._callees:
+            spec, skill = self.tools.get(name), self.skill(name)
+            if spec is not None:
+                inputs = {p.name: p for p in spec.inputs}
+                found = Callee(f"tool {name}", inputs, spec.output, spec.fields, spec.streaming, (spec,))
+            elif skill is not None and skill.kind == "atomic":
+                found = self._atomic(name, skill)
+            else:
+                return None
+            self._callees[name] = found
+        return self._callees[name]
+
+    def _atomic(self, name: str, skill: SkillContract) -> Callee:
+        """An atomic skill: its inputs and literals are required, its parameters have defaults."""
+        given = {**skill.inputs, **skill.literals}
+        inputs = {n: Param(n, parse_type(t)) for n, t in given.items()}
+        inputs |= {n: Param(n, parse_type(p.type), p.default) for n, p in skill.parameters.items()}
+        fields = {n.replace(f"{NAME_SLOT}_", ""): parse_type(t) for n, t in skill.outputs.items()}
+        return Callee(f"skill {name}", inputs, None, fields, skill.streaming, self._known(skill.tools))
+
+    def _script(self, path: str, contract: SkillContract | None) -> Callee | None:
+        spec = self.scripts.get(path)
+        if spec is None:
+            return None
+        allowed = tuple(contract.tools) if contract is not None else ()
+        key = (path, spec.any_tool, allowed)
+        if key not in self._callees:
+            names = sorted({*allowed, *spec.tools}) if spec.any_tool else sorted(spec.tools)
+            inputs = {p.name: p for p in spec.inputs}
+            self._callees[key] = Callee(
+                f"script {path}", inputs, spec.output, spec.fields, spec.publishes, self._known(names), spec.choices,
+                spec.words,
+            )  # fmt: skip
+        return self._callees[key]
+
+    def _known(self, names: Iterable[str]) -> tuple[ToolSpec, ...]:
+        return tuple(self.tools[n] for n in names if n in self.tools)
+
+
+def read_catalog(
+    workflow: Workflow,
+    folder: Path,
+    tools: Mapping[str, ToolSpec],
+    skills: Mapping[str, SkillContract],
+    objects: Iterable[str] | None = None,
+    *,
+    joints: Iterable[str] | None = None,
+    checkpoints: bool = True,
+) -> Catalog:
+    """The catalog for a workflow stored in `folder` beside scripts/ and checkpoints/. A file that cannot be read is a
+    `problem`, which the validator reports, not an error."""
+    scripts: dict[str, ScriptSpec] = {}
+    points: dict[str, tuple[Checkpoint, ...]] = {}
+    problems: dict[str, str] = {}
+    for path in sorted({n.script for d in workflow.subgraphs.values() for n in d.nodes.values() if n.script}):
+        try:
+            scripts[path] = read_signature(read_text(inside(folder, path)), path)
+        except GapError as error:
+            problems[path] = str(error)
+    for name in sorted(workflow.subgraphs) if checkpoints else ():
+        path = f"checkpoints/{name}.py"
+        try:
+            if inside(folder, path).exists():
+                points[name] = parse_checkpoints(read_text(inside(folder, path)), path)
+        except GapError as error:
+            problems[path] = str(error)
+    return Catalog(
+        tools,
+        skills,
+        scripts,
+        None if objects is None else frozenset(objects),
+        points if checkpoints else None,
+        problems,
+        None if joints is None else frozenset(joints),
+    )
+
+
+def inside(folder: Path, path: str) -> Path:
+    """`folder / path`. Raises `GapError` where that would leave the folder."""
+    from gap_runtime.contracts.skill import check_relative
+
+    try:
+        check_relative(path)
+        resolved = (folder / path).resolve()
+    except (ValueError, OSError) as error:
+        raise GapError(f"{path!r}: {error}") from None
+    if not resolved.is_relative_to(folder.resolve()):
+        raise GapError(f"{path!r} leads out of the workflow folder.")
+    return folder / path
+
+
+__all__ = ["COMPUTED", "Callee", "Catalog", "inside", "read_catalog"]

@@ -1,0 +1,120 @@
+"""Proves that a skill keeps its contract: everything in its folder is read, rendered, run in the sandbox, validated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from gap_cli.author.build import Generated, draft
+from gap_cli.author.plans import Plan, PlanData, Segment
+from gap_cli.author.steps import literal_source
+from gap_cli.skills import SkillBundle, SkillLibrary
+from gap_runtime.contracts.documents import read_text
+from gap_runtime.contracts.skill import NAME_SLOT, SkillContract
+from gap_runtime.contracts.tool import Tool, ToolSpec
+from gap_runtime.contracts.world import World
+from gap_runtime.errors import GapError, WorkflowError, did_you_mean
+from gap_runtime.graph.compile import compile_workflow
+from gap_runtime.graph.findings import Finding
+from gap_runtime.graph.names import SLOT, contract_names
+from gap_runtime.graph.scripts import read_signature
+from gap_runtime.run.execute import RunResult, RunSetup, run_graph
+
+CODE = "SKILL"
+_ALONE = {"S13"}  # nothing precedes a skill that is tried alone, so nothing produces its inputs
+_LITERALS: dict[str, Any] = {"string": "thing", "float": 1.0, "int": 1, "bool": True}
+
+
+def check_skill(bundle: SkillBundle, tools: Mapping[str, ToolSpec]) -> list[Finding]:
+    """Every problem of one skill, sorted; empty when it can be used in a graph.
+
+    `tools` are those that are served; a skill whose tools are not is a finding too.
+    """
+    findings = [*_tools(bundle, tools), *_scripts(bundle)]
+    if bundle.contract.kind == "composite" and not findings:
+        findings += _subgraph(bundle, tools)
+    return sorted(findings)
+
+
+def sample_plan(bundle: SkillBundle) -> tuple[Plan, dict[str, str]]:
+    """A plan of this one skill over made-up objects, and the labels of those."""
+    contract = bundle.contract
+    roles = {role: f"some_{role}" for role in contract.roles}
+    labels = {name: name.replace("_", " ") for name in roles.values()}
+    slotted = any(n.startswith(NAME_SLOT) for n in (*contract.inputs, *contract.outputs))
+    names = {SLOT: "thing"} if slotted else {}
+    inputs, outputs = contract_names(contract, names)
+    segment = Segment(
+        name="sample",
+        skill=bundle.name,
+        stage=contract.stage,
+        layer=0,
+        roles=roles,
+        names=names,
+        literals={name: _literal(contract, name, labels, roles) for name in contract.literals},
+        inputs={name: str(type_) for name, type_ in inputs.items()},
+        outputs={name: str(type_) for name, type_ in outputs.items()},
+        exits=list(contract.exits.success),
+        on_error=contract.exits.failure,
+    )
+    content = PlanData(
+        task="sample", instruction=f"Try {bundle.name}", author="proof", scene="none", goals=[], segments=[segment]
+    )
+    return Plan.of(content), labels
+
+
+def draft_alone(bundle: SkillBundle, tools: Mapping[str, ToolSpec]) -> Generated:
+    """The graph of this one skill alone. Raises what generating raises."""
+    plan, labels = sample_plan(bundle)
+    return draft(plan, labels, SkillLibrary([bundle]), tools)
+
+
+def _tools(bundle: SkillBundle, tools: Mapping[str, ToolSpec]) -> Iterator[Finding]:
+    for name in bundle.contract.tools:
+        if name not in tools:
+            yield Finding(f"tools.{name}", CODE, f"no plugin serves {name!r}", did_you_mean(name, tools))
+
+
+def _scripts(bundle: SkillBundle) -> Iterator[Finding]:
+    allowed = set(bundle.contract.tools)
+    for logical, file in bundle.scripts.items():
+        path = f"scripts.{logical}"
+        try:
+            spec = read_signature(read_text(file), str(file))
+        except GapError as error:
+            yield Finding(path, CODE, error.message, error.hint)
+            continue
+        for name in sorted(spec.tools - allowed):
+            yield Finding(path, CODE, f"calls {name}, which the contract does not list", "Add it below tools:.")
+
+
+def _subgraph(bundle: SkillBundle, tools: Mapping[str, ToolSpec]) -> list[Finding]:
+    try:
+        findings = draft_alone(bundle, tools).findings
+    except WorkflowError as error:
+        findings = list(error.findings)
+    except GapError as error:
+        findings = [Finding("template", CODE, error.message, error.hint)]
+    return [f for f in findings if f.code not in _ALONE]
+
+
+def _literal(contract: SkillContract, name: str, labels: Mapping[str, str], roles: Mapping[str, str]) -> Any:
+    role, what = literal_source(contract, name) or ("", "")
+    return labels[roles[role]] if what == "name" else _LITERALS.get(contract.literals[name], "thing")
+
+
+def run_alone(bundle: SkillBundle, tools: Mapping[str, Tool], world: World, folder: Path) -> RunResult:
+    """Run the graph of this one skill, which must take no inputs, in `world`; its scripts are written to `folder`.
+
+    For tests of skills. Raises what generating raises, and `WorkflowError` for a graph the validator refuses.
+    """
+    made = draft_alone(bundle, {name: tool.spec for name, tool in tools.items()})
+    if made.findings:
+        raise WorkflowError(made.findings, what=f"The graph of {bundle.name}")
+    for path, text in made.scripts.items():
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_text(text, encoding="utf-8")
+    canonical = SkillLibrary([bundle]).canonical_scripts(made.workflow, folder)
+    graph = compile_workflow(made.workflow, folder, tools, {bundle.name: bundle.contract}, canonical)
+    return run_graph(graph, RunSetup(world=world))

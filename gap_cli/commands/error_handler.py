@@ -1,0 +1,108 @@
+"""Where errors leave the program: one clear line for the user, a log file for a bug, an exit code for the shell."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import platform
+import sys
+import tempfile
+import traceback
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from gap_runtime.errors import GapError, WorkflowError
+
+BUG, INTERRUPTED, BROKEN_PIPE = 3, 130, 141
+SHOWN_FINDINGS = 20
+
+
+def report(error: BaseException, argv: list[str]) -> int:
+    """Tell the user about `error` on stderr; returns the exit code."""
+    if isinstance(error, KeyboardInterrupt):
+        say("Interrupted.")
+        return INTERRUPTED
+    if isinstance(error, BrokenPipeError):  # `gap tools | head`
+        with contextlib.suppress(OSError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
+    if isinstance(error, GapError) and error.exit_code != BUG:
+        say(f"error: {_one_line(error.message)}")
+        if isinstance(error, WorkflowError):
+            _say_findings(error)
+        elif error.hint:
+            say(f"  {_one_line(error.hint)}")
+        return error.exit_code
+    say(f"error: this is a bug in GaP: {type(error).__name__}: {_one_line(str(error))}")
+    log = write_log(error, argv)
+    if log is None:
+        traceback.print_exception(error)
+    else:
+        say(f"  The details are in {log}")
+    return BUG
+
+
+def say(text: str) -> None:
+    """A line on stderr, whatever the terminal can show; silent where stderr is gone."""
+    with contextlib.suppress(OSError, ValueError):
+        print(text, file=sys.stderr, flush=True)  # noqa: T201
+
+
+def flush() -> None:
+    """Flush both streams without complaint."""
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
+
+
+def tolerate_any_terminal() -> None:
+    """Print `?` rather than crash where the terminal's encoding lacks a character."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+
+
+def write_log(error: BaseException, argv: list[str]) -> Path | None:
+    """Write the traceback to a log file and return where it is; None where no folder can be written."""
+    from gap_cli import __version__
+
+    now = datetime.now(UTC)
+    head = (
+        f"gap {__version__} | python {platform.python_version()} | {platform.platform()}\n{now.isoformat()}\n{argv}\n"
+    )
+    text = head + "\n" + "".join(traceback.format_exception(error)) + _causes(error)
+    for folder in state_folders():
+        path = folder / f"bug-{now:%Y%m%dT%H%M%S}-{os.getpid()}.log"
+        with contextlib.suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8", errors="backslashreplace")
+            return path
+    return None
+
+
+def state_folders() -> list[Path]:
+    """Where logs may go, best first."""
+    found = [Path(os.environ["XDG_STATE_HOME"]) / "gap"] if os.environ.get("XDG_STATE_HOME") else []
+    with contextlib.suppress(RuntimeError):
+        found.append(Path.home() / ".local" / "state" / "gap")
+    with contextlib.suppress(OSError):
+        found.append(Path(tempfile.gettempdir()) / "gap")
+    return found
+
+
+def _say_findings(error: WorkflowError) -> None:
+    for finding in error.findings[:SHOWN_FINDINGS]:
+        hint = f" {finding.hint}" if finding.hint else ""
+        say(f"  {finding.code} {finding.path}: {_one_line(finding.message + hint)}")
+    if len(error.findings) > SHOWN_FINDINGS:
+        say(f"  ... and {len(error.findings) - SHOWN_FINDINGS} more")
+
+
+def _causes(error: BaseException) -> str:
+    causes: Any = getattr(error, "causes", ())
+    return "".join("\ncause:\n" + "".join(traceback.format_exception(cause)) for cause in causes)
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())

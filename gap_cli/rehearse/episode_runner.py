@@ -1,0 +1,136 @@
+"""What a worker keeps between episodes: the compiled graph and one world, reset for every instance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from gap_cli.rehearse.episode import run_episode
+from gap_cli.rehearse.prepare import Prepared, prepare, tools_used
+from gap_cli.rehearse.recording.frames import save_frame
+from gap_cli.rehearse.warm import warm_up
+from gap_cli.workspace.recording_paths import recording_path
+from gap_cli.workspace.run import Run
+from gap_runtime.contracts.engine import EpisodeResult, RehearsalJob
+from gap_runtime.contracts.world import World, WorldFrame
+from gap_runtime.errors import UnknownNameError
+from gap_runtime.graph.checkpoints import evaluate
+from gap_runtime.run.context import ScriptRunner
+from gap_runtime.run.execute import RunSetup
+
+if TYPE_CHECKING:
+    from gap_cli.rehearse.recording.mcap import McapRecorder
+
+RECORD_HZ = 10.0
+
+
+@dataclass
+class Stage:
+    """One worker's world and graph."""
+
+    job: RehearsalJob
+    prepared: Prepared
+    world: World
+    jail: ScriptRunner | None
+
+    @classmethod
+    def build(cls, job: RehearsalJob) -> Stage:
+        """Compile the graph and make the world. Raises `GapError` for what would fail every episode."""
+        prepared = prepare(Run(job.run), job.workflow)
+        inventory = prepared.inventory
+        warm_up(inventory.registry, inventory.task, frozenset(tools_used(prepared.graph)))
+        return cls(job, prepared, make_world(prepared), open_jail(prepared))
+
+    def roll(self, seed: int) -> EpisodeResult:
+        """Roll out one seed, with pictures and a recording where the job asks for them."""
+        recording = _Recording(self, seed) if self.job.record else None
+
+        def on_reset() -> None:
+            self._picture(seed, "first")
+            if recording is not None:
+                recording.start()
+
+        observers = [recording.recorder.on_event] if recording is not None else []
+        try:
+            result, sound = run_episode(self.prepared, self.world, self._setup(seed), observers, on_reset)
+        finally:
+            if recording is not None:
+                recording.stop()
+        if sound:
+            self._picture(seed, "last")
+        else:
+            self.world.close()
+            self.world = make_world(self.prepared)
+        return result
+
+    def _setup(self, seed: int) -> RunSetup:
+        return make_setup(self.prepared, self.world, seed, self.jail)
+
+    def _picture(self, seed: int, which: str) -> None:
+        if self.job.frames and self.world.camera_names:
+            save_frame(self.world, self.job.output, seed, which)
+
+
+def make_setup(prepared: Prepared, world: World, seed: int, jail: ScriptRunner | None) -> RunSetup:
+    """How an episode is run: held to world time alone, so that a busy machine does not change what is found."""
+    task, registry = prepared.inventory.task, prepared.inventory.registry
+
+    def broken(node: str, ref: str, end: str) -> list[str]:
+        snapshot = world.snapshot()
+        points = [p for p in prepared.checkpoints.get(ref, ()) if p.validate]
+        return [p.name for p in points if evaluate(p.predicate, snapshot) is not True]
+
+    return RunSetup(
+        world=world, task=task, robots=tuple(registry.robot(placement.model) for placement in task.robots), seed=seed,
+        script_runner=jail, world_budget_s=task.max_time, lockstep=True, checkpoints=broken,
+    )  # fmt: skip
+
+
+def make_world(prepared: Prepared) -> World:
+    """The task's world with the run's scene in it. Raises `UnknownNameError`, `EnvironmentSetupError`, ..."""
+    inventory = prepared.inventory
+    name, worlds = inventory.task.environment.world, inventory.registry.worlds
+    if name not in worlds:
+        raise UnknownNameError("world", name, worlds)
+    factory: Callable[..., Any] = worlds[name].value
+    world: World = factory(inventory.task, prepared.scene, inventory.robots)
+    return world
+
+
+def open_jail(prepared: Prepared) -> ScriptRunner | None:
+    """The jail for the graph's inline scripts, kept for as long as the process lives; None where it has none."""
+    if not prepared.graph.jailed:
+        return None
+    from gap_cli.sandbox import ScriptJail
+
+    return ScriptJail().run
+
+
+class _Recording:
+    """An MCAP of one episode, from reset to verdict."""
+
+    def __init__(self, stage: Stage, seed: int) -> None:
+        from gap_cli.rehearse.recording.mcap import McapRecorder
+
+        inventory = stage.prepared.inventory
+        task = inventory.task
+        self._world = stage.world
+        self._unsubscribe: Callable[[], None] | None = None
+        self.recorder: McapRecorder = McapRecorder(
+            recording_path(stage.job.output, seed),
+            task.scene_objects(stage.prepared.scene),
+            tuple(inventory.robots[placement.model] for placement in task.robots),
+        )
+
+    def start(self) -> None:
+        """From the instant the instance stands."""
+        world = self._world
+        self.recorder.on_frame(WorldFrame(world.time, world.observe(), world.snapshot()))
+        self._unsubscribe = world.subscribe(self.recorder.on_frame, RECORD_HZ, world.camera_names)
+
+    def stop(self) -> None:
+        """Finish the file."""
+        if self._unsubscribe is not None:
+            self._unsubscribe()
+        self.recorder.close()

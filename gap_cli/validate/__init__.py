@@ -1,0 +1,1 @@
+"""Every rule about a graph, and its JSON Schema."""

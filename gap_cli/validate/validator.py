@@ -1,0 +1,60 @@
+"""Judges a workflow: every finding of every rule at once, each with its place, and nothing raised."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from gap_cli.analysis.catalog import Catalog
+from gap_cli.analysis.scope import Whole
+from gap_cli.validate.rules import checkpoints as promises
+from gap_cli.validate.rules import (
+    data,
+    dataflow,
+    exits,
+    parallel,
+    privilege,
+    resources,
+    routing,
+    skills,
+    structure,
+    topology,
+)
+from gap_cli.validate.rules import node_keys as kinds
+from gap_runtime.errors import WorkflowError
+from gap_runtime.graph.findings import Finding
+from gap_runtime.graph.model import Workflow
+
+_FAMILIES = (structure, exits, kinds, dataflow, data, routing, resources, privilege, skills, promises)
+_TOP_FAMILIES = (kinds, topology, dataflow, parallel, privilege, skills)
+
+
+def validate(workflow: Workflow, catalog: Catalog, lines: Mapping[str, int] | None = None) -> list[Finding]:
+    """All findings, sorted by path; empty when the workflow is sound.
+
+    `lines` maps paths to lines of builder code (see `assemble.assembled_lines`); a finding takes the line of the
+    nearest path above it.
+    """
+    findings = kinds.w6_size(workflow)
+    if findings:
+        return findings
+    whole = Whole(workflow, catalog)
+    found = {f for family in _TOP_FAMILIES for rule in family.TOP_RULES for f in rule(whole)}
+    for scope in whole.scopes.values():
+        found.update(f for family in _FAMILIES for rule in family.RULES for f in rule(scope))
+    placed = (_with_line(f, lines) for f in found) if lines else found
+    return sorted(placed, key=lambda f: (f.path, f.code, f.message))
+
+
+def require_valid(workflow: Workflow, catalog: Catalog, lines: Mapping[str, int] | None = None) -> None:
+    """Raise `WorkflowError` with every finding that is an error."""
+    errors = [f for f in validate(workflow, catalog, lines) if f.severity == "error"]
+    if errors:
+        raise WorkflowError(errors)
+
+
+def _with_line(finding: Finding, lines: Mapping[str, int]) -> Finding:
+    path = finding.path
+    while path and path not in lines:
+        path = path.rpartition(".")[0]
+    return replace(finding, line=lines[path]) if path else finding

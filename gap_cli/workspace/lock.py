@@ -1,0 +1,56 @@
+"""lock.json: what a run's results depend on besides its own files: tools, plugins, models, libraries, sandbox."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import metadata
+from typing import Any
+
+from gap_cli import __version__
+from gap_cli.workspace.stages import digest, folder_digest
+from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.contracts.task import Task
+from gap_runtime.contracts.tool import Tool
+from gap_runtime.plugins import Registry
+
+SCHEMA = "gap/lock/v1"
+LIBRARIES = ("dm-control", "mujoco", "numpy", "ompl", "opencv-python-headless", "pytorch-kinematics", "ruckig",
+             "scikit-learn", "scipy", "torch")  # fmt: skip
+
+
+def build_lock(registry: Registry, task: Task, skills: Mapping[str, str], sandbox: str) -> dict[str, Any]:
+    """The lock as plain data, every mapping sorted by key. `skills` maps a skill to the digest of its files."""
+    robots = {p.model: registry.robot(p.model) for p in task.robots}
+    return {
+        "schema": SCHEMA,
+        "engine": __version__,
+        "sandbox": sandbox,
+        "task": {"name": task.name, "variant": task.variant, "sha256": folder_digest(task.path)},
+        "robots": {name: _robot(robots[name]) for name in sorted(robots)},
+        "skills": dict(sorted(skills.items())),
+        "plugins": {name: registry.plugins[name].version for name in sorted(registry.plugins)},
+        "libraries": _versions(LIBRARIES),
+        "tools": lock_tools(registry.tools),
+    }
+
+
+def lock_tools(tools: Mapping[str, Tool]) -> dict[str, dict[str, str]]:
+    """Who serves each tool and under which contract."""
+    return {
+        name: {"provider": t.provider, "plugin": t.plugin, "contract": t.spec.schema_hash}
+        for name, t in sorted(tools.items())
+    }
+
+
+def _robot(spec: RobotSpec) -> dict[str, str]:
+    return {"model": spec.model_file.name, "sha256": digest(spec.model_file)}
+
+
+def _versions(names: tuple[str, ...]) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for name in names:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return found

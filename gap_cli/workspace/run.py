@@ -1,0 +1,123 @@
+"""A run: one folder `runs/<task>-<NNN>` that the verbs of the pipeline read and write in turn."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from gap_cli.workspace.atomic import storage_error
+from gap_cli.workspace.canonical import write_yaml
+from gap_cli.workspace.run_config import Asked
+from gap_runtime.contracts.documents import read_yaml
+from gap_runtime.errors import RunError, did_you_mean
+
+ROOT = Path("runs")
+_NAME = re.compile(r"^(?P<task>[a-z][a-z0-9-]*)-(?P<number>\d{3,})$")
+
+
+@dataclass(frozen=True)
+class Run:
+    """An existing run folder."""
+
+    path: Path
+
+    @classmethod
+    def create(cls, root: Path, asked: Asked) -> Run:
+        """Make the next free `<task>-NNN` below `root`, holding run.yaml. Raises `StorageError`."""
+        number = 1 + max((n for n, _ in _numbered(root, asked.task)), default=0)
+        while True:
+            path = root / f"{asked.task}-{number:03d}"
+            try:
+                root.mkdir(parents=True, exist_ok=True)
+                path.mkdir()
+                break
+            except FileExistsError:  # another process took the number
+                if not root.is_dir():
+                    raise storage_error(root, NotADirectoryError(0, "is not a folder")) from None
+                number += 1
+            except OSError as error:
+                raise storage_error(path, error) from None
+        try:
+            write_yaml(path / "run.yaml", asked.model_dump(by_alias=True))
+        except BaseException:
+            with suppress(OSError):
+                path.rmdir()
+            raise
+        return cls(path)
+
+    @classmethod
+    def open(cls, root: Path, name: str | None = None) -> Run:
+        """The named run (a name below `root`, or a path), or the latest. Raises `RunError`."""
+        if name is None:
+            return cls.latest(root)
+        by_path = "/" in name or name in (".", "..")
+        path = Path(name) if by_path else root / name
+        if not (path / "run.yaml").is_file():
+            hint = did_you_mean(name, [r.name for r in cls.list(root)]) if not by_path else ""
+            raise RunError(f"There is no run {name!r} in {root}/.", hint=hint or "Give the folder that holds run.yaml.")
+        return cls(path)
+
+    @classmethod
+    def latest(cls, root: Path) -> Run:
+        """The run created last. Raises `RunError` when there is none."""
+        runs = cls.list(root)
+        if not runs:
+            raise RunError(f"There is no run in {root}/ yet.", hint='Type: gap plan --task TASK --say "..."')
+        return max(runs, key=lambda run: ((run.path / "run.yaml").stat().st_mtime_ns, run.name))
+
+    @classmethod
+    def list(cls, root: Path) -> list[Run]:
+        """Every run below `root`, by name."""
+        if not root.is_dir():
+            return []
+        return [cls(path) for path in sorted(root.iterdir()) if (path / "run.yaml").is_file()]
+
+    @property
+    def name(self) -> str:
+        """The folder's name, `<task>-<NNN>`."""
+        return self.path.resolve().name
+
+    @cached_property
+    def asked(self) -> Asked:
+        """What run.yaml says. Raises `DocumentError`."""
+        file = self.path / "run.yaml"
+        return Asked.load(read_yaml(file), str(file))
+
+    def folder(self, stage: str) -> Path:
+        """Where a stage writes: `plan`, `generate`, `validate`, `rehearse/00`, ..."""
+        return self.path / stage
+
+    @contextmanager
+    def held(self) -> Iterator[Run]:
+        """Hold the run for this process. Raises `RunError` naming the process that holds it already."""
+        try:
+            handle = os.open(self.path / ".lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            raise storage_error(self.path / ".lock", error) from None
+        try:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                holder = os.pread(handle, 32, 0).decode("ascii", "replace").strip() or "unknown"
+                raise RunError(
+                    f"Run {self.name} is in use by process {holder}.", hint="Wait until it ends, or stop it."
+                ) from None
+            with suppress(OSError):  # a full disk only costs the next process the number
+                os.ftruncate(handle, 0)
+                os.pwrite(handle, f"{os.getpid()}\n".encode(), 0)
+            yield self
+        finally:
+            os.close(handle)
+
+
+def _numbered(root: Path, task: str) -> Iterator[tuple[int, Path]]:
+    for path in root.iterdir() if root.is_dir() else ():
+        match = _NAME.match(path.name)
+        if match and match["task"] == task:
+            yield int(match["number"]), path

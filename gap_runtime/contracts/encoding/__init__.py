@@ -1,0 +1,1 @@
+"""One codec for every contract type: JSON, msgpack frames and protobuf."""

@@ -1,0 +1,112 @@
+"""The failures a plugin may raise; the engine's own errors grow from the same root in `gap_runtime.errors`."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+
+class GapError(Exception):
+    """Root of every error GaP raises on purpose.
+
+    `message` says what was wrong and where; `hint` says what exists instead or what to type.
+    `exit_code` is what the command line returns for it (1: the user's input, 3: a bug).
+    """
+
+    exit_code = 1
+
+    def __init__(self, message: str, *, hint: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+
+    def __str__(self) -> str:
+        return f"{self.message} {self.hint}".strip() if self.hint else self.message
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Errors cross process borders (rehearsal workers); the default would re-run __init__ with str(self).
+        return (_rebuild, (type(self), self.args, self.__dict__))
+
+
+def _rebuild(cls: type[GapError], args: tuple[Any, ...], state: dict[str, Any]) -> GapError:
+    error = cls.__new__(cls)
+    Exception.__init__(error, *args)
+    error.__dict__.update(state)
+    return error
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """'Did you mean x?' for a near miss, else the list of what exists (at most twelve)."""
+    names = sorted(known)
+    near = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
+    if near:
+        return f"Did you mean {near[0]!r}?"
+    shown = ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
+    return f"Known: {shown}." if names else "None are known."
+
+
+class UnknownNameError(GapError):
+    """A name that nothing answers to; the hint names the nearest that exists."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        self.kind, self.name = kind, name
+        super().__init__(f"Unknown {kind} {name!r}.", hint=did_you_mean(name, known))
+
+
+class DocumentError(GapError):
+    """A YAML, JSON or Markdown document that cannot be accepted. `where` is path[:line]."""
+
+    def __init__(self, where: str, problem: str, *, hint: str = "") -> None:
+        self.where = where
+        super().__init__(f"{where}: {problem}", hint=hint)
+
+
+class ToolError(GapError):
+    """A tool could not do what was asked of the robot or its sensors.
+
+    `code` is a short stable word (`unreachable`, `not_found`, ...); `detail` holds the numbers behind it.
+    """
+
+    def __init__(self, code: str, message: str, *, hint: str = "", detail: Mapping[str, Any] | None = None) -> None:
+        self.code = code
+        self.detail = dict(detail or {})
+        super().__init__(message, hint=hint)
+
+
+class BadRequestError(ToolError):
+    """The arguments of a tool call are outside its contract (NaN, wrong shape, unknown link, ...)."""
+
+
+class PerceptionError(ToolError):
+    """Nothing (or nothing certain enough) was found in the pixels."""
+
+
+class PlanningError(ToolError):
+    """No motion: unreachable, in collision, outside limits, or no path within the budget."""
+
+
+class MotionError(ToolError):
+    """The arm did not do what was commanded: tracking, stall, contact, or a refused command."""
+
+
+class GraspError(ToolError):
+    """The gripper closed on nothing, or what it held is gone."""
+
+
+class PrivilegedReadError(GapError):
+    """A policy node tried to read simulator ground truth."""
+
+    exit_code = 3
+
+
+class SimulationDivergedError(GapError):
+    """Physics blew up, reset itself or ran backwards: the episode is void."""
+
+
+class TaskInfeasibleError(GapError):
+    """A belief region cannot hold the objects it is asked to hold."""
+
+
+class CancelledError(GapError):
+    """The node was told to stop (sibling failure, deadline, Ctrl-C)."""

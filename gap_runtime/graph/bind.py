@@ -1,0 +1,121 @@
+"""Turns the inputs and outputs a workflow writes as data into readers of a running frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from gap_runtime.contracts.failures import BadRequestError, UnknownNameError
+from gap_runtime.graph.compiled import UNSET, Reader
+from gap_runtime.graph.references import STREAM, Reference, is_reference, references, walk
+from gap_runtime.graph.values import isolated
+
+if TYPE_CHECKING:
+    from gap_runtime.run.activation import Frame
+    from gap_runtime.run.attempt import Attempt
+
+
+@dataclass(frozen=True)
+class Scope:
+    """What the references of one subgraph may name."""
+
+    path: str
+    slots: Mapping[str, int]
+    streaming: frozenset[str]
+    inputs: frozenset[str]
+    parameters: Mapping[str, Any]
+
+
+def is_constant(data: Any) -> bool:
+    """True when `data` reads nothing that is only known at run time."""
+    return all(r.source == "param" for r in references(data))
+
+
+def constant(data: Any, scope: Scope, where: str) -> Any:
+    """The value of data that `is_constant`."""
+    if is_reference(data):
+        reference = Reference.parse(data["$ref"])
+        if reference.name not in scope.parameters:
+            raise UnknownNameError(f"parameter ({where})", reference.name, scope.parameters)
+        return walk(scope.parameters[reference.name], reference.fields, where)
+    if isinstance(data, Mapping):
+        return {key: constant(value, scope, where) for key, value in data.items()}
+    if isinstance(data, list):
+        return [constant(value, scope, where) for value in data]
+    return data
+
+
+def make_reader(data: Any, scope: Scope, where: str, *, live: bool = False) -> Reader:
+    """A function of the running frame that gives the value of `data`. Raises `UnknownNameError` at once.
+
+    With `live`, `in.observation_stream` gives the stream itself rather than its latest observation.
+    """
+    if is_reference(data):
+        return _reference_reader(Reference.parse(data["$ref"]), scope, where, live)
+    if isinstance(data, Mapping):
+        parts = {key: make_reader(value, scope, where) for key, value in data.items()}
+        return lambda frame, attempt: {key: read(frame, attempt) for key, read in parts.items()}
+    if isinstance(data, list):
+        items = [make_reader(value, scope, where) for value in data]
+        return lambda frame, attempt: [read(frame, attempt) for read in items]
+    return lambda frame, attempt: data
+
+
+def _reference_reader(reference: Reference, scope: Scope, where: str, live: bool) -> Reader:
+    if reference.source == "param":
+        value = constant({"$ref": str(reference)}, scope, where)
+        return lambda frame, attempt: value
+    if reference.source == "in":
+        if reference.name == STREAM:
+            return _observations(live)
+        if reference.name not in scope.inputs:
+            raise UnknownNameError(f"input ({where})", reference.name, [*scope.inputs, STREAM])
+        return _input(reference, where)
+    if reference.name not in scope.slots:
+        raise UnknownNameError(f"node ({where})", reference.name, scope.slots)
+    if reference.name in scope.streaming:
+        return _stream(scope.slots[reference.name], reference, where)
+    return _slot(scope.slots[reference.name], reference, where)
+
+
+def _slot(index: int, reference: Reference, where: str) -> Reader:
+    fields = reference.fields
+
+    def read(frame: Frame, attempt: Attempt | None) -> Any:
+        value = frame.slots[index]
+        if value is UNSET:
+            raise BadRequestError("reference", f"{where}: node {reference.name!r} has not run on this path")
+        return isolated(walk(value, fields, where) if fields else value)
+
+    return read
+
+
+def _input(reference: Reference, where: str) -> Reader:
+    name, fields = reference.name, reference.fields
+
+    def read(frame: Frame, attempt: Attempt | None) -> Any:
+        value = frame.inputs.get(name, UNSET)
+        if value is UNSET:
+            raise BadRequestError("reference", f"{where}: nothing upstream has produced {name!r}")
+        return isolated(walk(value, fields, where) if fields else value)
+
+    return read
+
+
+def _stream(index: int, reference: Reference, where: str) -> Reader:
+    def read(frame: Frame, attempt: Attempt | None) -> Any:
+        stream = frame.streams.get(index)
+        if stream is None:
+            raise BadRequestError("reference", f"{where}: streaming node {reference.name!r} has not been started")
+        return isolated(walk(stream.latest(attempt), reference.fields, where))
+
+    return read
+
+
+def _observations(live: bool) -> Reader:
+    def read(frame: Frame, attempt: Attempt | None) -> Any:
+        stream = frame.observations()
+        return stream.reader(attempt) if live and attempt is not None else stream.latest(attempt)
+
+    return read

@@ -1,0 +1,1 @@
+"""The interpreter: graph run, super-steps, node attempts, leases, streams, deadlines, events."""

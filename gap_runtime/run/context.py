@@ -1,0 +1,280 @@
+"""What a running node may reach: `NodeContext` is the tool context of the contracts, plus `tool` and `publish`."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import monotonic
+from typing import Any, Protocol
+
+from gap_runtime.contracts.failures import (
+    BadRequestError,
+    GapError,
+    PrivilegedReadError,
+    ToolError,
+    UnknownNameError,
+    did_you_mean,
+)
+from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.contracts.task import Task
+from gap_runtime.contracts.world import World
+from gap_runtime.graph.compiled import Callee
+from gap_runtime.graph.values import require_finite
+from gap_runtime.run.attempt import Attempt
+from gap_runtime.run.guard import GuardedWorld
+from gap_runtime.run.leases import Leases
+
+
+class ScriptRunner(Protocol):
+    """Runs untrusted code in a jail."""
+
+    def __call__(
+        self,
+        source_path: Path,
+        inputs: dict[str, Any],
+        call_tool: Callable[[str, dict[str, Any]], Any],
+        deadline_s: float,
+        *,
+        publish: Callable[[Any], None] | None = None,
+        check: Callable[[], None] | None = None,
+        robot: Callable[[int], RobotSpec] | None = None,
+        seed: int = 0,
+    ) -> Any:
+        """What the script's `run` returned. `call_tool`, `publish` and `robot` are served here; `check` raises to give
+        up."""
+
+
+class SharedStore:
+    """Things derived from models alone, made once per process. Two nodes that ask at once get one object."""
+
+    def __init__(self) -> None:
+        self._lock = threading.RLock()
+        self._made: dict[str, Any] = {}
+
+    def get(self, key: str, make: Callable[[], Any]) -> Any:
+        """The object made for `key`, made now if it is the first request."""
+        with self._lock:
+            if key not in self._made:
+                self._made[key] = make()
+            return self._made[key]
+
+
+SHARED = SharedStore()
+
+
+@dataclass
+class Services:
+    """What every node of one run shares. `settling` guards who decides how an attempt ended."""
+
+    callees: Mapping[str, Callee]
+    world: World | None
+    task: Task | None
+    robots: tuple[RobotSpec, ...]
+    seed: int
+    script_runner: ScriptRunner | None
+    shared: SharedStore
+    patience: float
+    record_calls: bool
+    lockstep: bool = False
+    state: dict[str, Any] = field(default_factory=dict)
+    leases: Leases = field(default_factory=Leases)
+    settling: threading.Lock = field(default_factory=threading.Lock)
+
+
+class NodeContext:
+    """Handed to tools and scripts as `ctx`. `allowed` are the tools this code may call."""
+
+    __slots__ = ("_allowed", "_attempt", "_services", "_world")
+
+    def __init__(self, services: Services, attempt: Attempt, allowed: frozenset[str]) -> None:
+        self._services, self._attempt, self._allowed = services, attempt, allowed
+        self._world: GuardedWorld | None = None
+
+    @property
+    def world(self) -> World:
+        """The cell, as far as this node may touch it. Raises `ToolError` code `no_world` in a run without one."""
+        if self._services.world is None:
+            raise ToolError("no_world", "This run has no world.", hint="Run it with one, or with --dry.")
+        self._attempt.apart = True
+        if self._world is None:
+            self._world = GuardedWorld(self._services.world, self._attempt, self._services.leases)
+        return self._world
+
+    @property
+    def task(self) -> Task:
+        """The task. Raises `ToolError` code `no_task` in a run without one."""
+        if self._services.task is None:
+            raise ToolError("no_task", "This run has no task.")
+        return self._services.task
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """Per-episode memory of stateful providers."""
+        return self._services.state
+
+    @property
+    def seed(self) -> int:
+        """The episode's seed."""
+        return self._services.seed
+
+    def robot(self, arm_id: int = 0) -> RobotSpec:
+        """The spec of one arm. Raises `UnknownNameError`."""
+        robots = self._services.robots
+        if not 0 <= arm_id < len(robots):
+            raise UnknownNameError("arm", str(arm_id), map(str, range(len(robots))))
+        return robots[arm_id]
+
+    def shared(self, key: str, make: Callable[[], Any]) -> Any:
+        """Something immutable derived from models alone, made once per process."""
+        return self._services.shared.get(key, make)
+
+    def raise_if_cancelled(self) -> None:
+        """Raise `CancelledError` (told to stop) or `ToolError` code `deadline`; call it in long loops."""
+        self._attempt.check()
+
+    def seconds_left(self) -> float:
+        """Wall seconds until this node's deadline."""
+        return self._attempt.deadline - monotonic()
+
+    def publish(self, value: Any) -> None:
+        """Make `value` the latest of this streaming node. Raises `BadRequestError` in any other node."""
+        self._attempt.check()
+        stream = self._attempt.frame.streams.get(self._attempt.node.index)
+        if not self._attempt.node.streaming or stream is None:
+            raise BadRequestError("stream", f"{self._attempt.node.path} is not a streaming node")
+        callee = self._attempt.node.callee
+        stream.publish(callee.shape(value, self._attempt.node.path) if callee else value)
+
+    @contextmanager
+    def closing(self) -> Iterator[None]:
+        """Let a node that was told to stop call tools that move nothing, to free what it holds."""
+        self._attempt.closing = True
+        try:
+            yield
+        finally:
+            self._attempt.closing = False
+
+    def tool(self, name: str, /, **inputs: Any) -> Any:
+        """Call a tool the skill may use; returns its bare value or a NamedTuple.
+
+        Raises `ToolError` (what the tool says, or code `allow_list`, `lease`, `deadline`), `BadRequestError`,
+        `PrivilegedReadError`, `CancelledError`.
+        """
+        callee = self._permitted(name)
+        return call(self._services, self._attempt, callee, inputs)
+
+    def run_jailed(self, file: Path, inputs: dict[str, Any]) -> Any:
+        """Run untrusted code in the jail, its tool calls served here one by one."""
+        runner = self._services.script_runner
+        if runner is None:
+            raise GapError(f"{self._attempt.node.path} runs an inline script, and there is no jail to run it in.")
+        return runner(
+            file,
+            inputs,
+            lambda name, given: self.tool(name, **given),
+            self.seconds_left(),
+            publish=self.publish if self._attempt.node.streaming else None,
+            check=self.raise_if_cancelled,
+            robot=self.robot,
+            seed=self._services.seed,
+        )
+
+    def _permitted(self, name: str) -> Callee:
+        callee = self._services.callees.get(name) or self._services.callees.get(name.replace("_", "-"))
+        if callee is None:
+            raise UnknownNameError("tool", name, self._allowed)
+        if callee.privileged:
+            raise PrivilegedReadError(
+                f"Node {self._attempt.node.path!r} called {name}, which reads what only the simulator knows."
+            )
+        if callee.name not in self._allowed:
+            raise ToolError(
+                "allow_list", f"{self._attempt.node.path} may not call {name}.", hint=did_you_mean(name, self._allowed)
+            )
+        return callee
+
+
+def call(services: Services, attempt: Attempt, callee: Callee, inputs: Mapping[str, Any]) -> Any:
+    """One tool call on behalf of a node: inputs checked, leases claimed, time bounded, output checked."""
+    attempt.check()
+    if attempt.closing and callee.effect == "actuate":
+        raise ToolError("closing", f"{attempt.node.path} calls {callee.name} while it closes; nothing may move then.")
+    kwargs = checked(callee, inputs, callee.name)
+    claim(services, attempt, callee, kwargs)
+    outer = attempt.deadline, attempt.deadline_s, attempt.world_deadline, attempt.tool
+    _narrow(services, attempt, callee)
+    start = monotonic()
+    outcome: dict[str, Any] = {}
+    try:
+        context = NodeContext(services, attempt, callee.allowed)
+        value = callee.shape(callee.invoke(context, kwargs), callee.name)
+        outcome = {"output": value}
+        return value
+    except BaseException as error:
+        outcome = {"error": error}
+        raise
+    finally:
+        attempt.deadline, attempt.deadline_s, attempt.world_deadline, attempt.tool = outer
+        if attempt.calls is not None:
+            data = {"tool": callee.name, "inputs": kwargs, "duration_s": monotonic() - start, **outcome}
+            attempt.calls.append((callee.name, start, data))
+
+
+def checked(callee: Callee, inputs: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """The inputs as the callee wants them. Raises `BadRequestError`: unknown, missing, of another type, not finite."""
+    kwargs: dict[str, Any] = {}
+    for name, value in inputs.items():
+        check = callee.checks.get(name)
+        if check is None:
+            known = [p.name for p in callee.arguments]
+            raise BadRequestError("unknown_key", f"{where} has no input {name!r}", hint=did_you_mean(name, known))
+        place = f"{where}.{name}"
+        kwargs[name] = check(value, place)
+        require_finite(kwargs[name], place)
+    require_all(callee, kwargs, where)
+    return kwargs
+
+
+def require_all(callee: Callee, kwargs: Mapping[str, Any], where: str) -> None:
+    """Raise `BadRequestError` where an input without a default is missing."""
+    missing = sorted(callee.required - kwargs.keys())
+    if missing:
+        raise BadRequestError("missing", f"{where} needs the input {missing[0]!r}")
+
+
+def claim(services: Services, attempt: Attempt, callee: Callee, kwargs: Mapping[str, Any]) -> None:
+    """Hold what the call needs until the node has ended. Raises `ToolError` code `lease`."""
+    if callee.effect == "pure" or callee.kind == "script":
+        return
+    moves = callee.effect == "actuate"
+    if moves and attempt.node.effect != "actuate":
+        raise ToolError(
+            "lease",
+            f"{attempt.node.path} calls {callee.name}, which moves the robot, under a computed name.",
+            hint='Write the name out: ctx.tool("service.Method").',
+        )
+    if not (attempt.node.streaming and not moves):
+        services.leases.claim(attempt, _resources(callee, kwargs), moves=moves)
+
+
+def _resources(callee: Callee, kwargs: Mapping[str, Any]) -> Iterable[str]:
+    if not any("{" in r for r in callee.resources):
+        return callee.resources
+    known = {p.name: p.default for p in callee.arguments} | dict(kwargs)
+    return [r.format(**known) for r in callee.resources]
+
+
+def _narrow(services: Services, attempt: Attempt, callee: Callee) -> None:
+    """Let the tool's own deadline count while it runs, where it is the nearer one."""
+    deadline = monotonic() + callee.deadline_s * services.patience
+    if deadline < attempt.deadline:
+        attempt.deadline, attempt.deadline_s, attempt.tool = deadline, callee.deadline_s, callee.name
+    if services.world is not None and callee.effect != "pure":
+        now = services.world.time
+        if attempt.world_deadline == math.inf and not attempt.node.streaming:
+            attempt.world_deadline = now + attempt.node.deadline_s
+        attempt.world_deadline = min(attempt.world_deadline, now + callee.deadline_s)

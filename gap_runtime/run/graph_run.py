@@ -1,0 +1,210 @@
+"""The top level of a run: which subgraphs are being passed through, what they produced, and how the run ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import count
+from threading import Event
+from time import monotonic
+from typing import Any, Literal
+
+from gap_runtime.errors import ExecutionError
+from gap_runtime.graph.compiled import CompiledGraph, TopNode
+from gap_runtime.run.activation import Due, Frame
+from gap_runtime.run.context import Services
+from gap_runtime.run.events import Emitter
+from gap_runtime.run.streaming import Observations, stop_streaming
+from gap_runtime.safety.protective_stop import stop_arms
+
+Status = Literal["success", "failure", "error", "cancelled"]
+CheckpointEvaluator = Callable[[str, str, str], list[str]]
+"""(subgraph node, its definition's name, exit) -> names of `validate` checkpoints that do not hold."""
+
+
+@dataclass
+class Outcome:
+    """What is known about a run so far, and, once it is over, how it ended."""
+
+    status: Status = "error"
+    end: str = ""
+    exits: list[tuple[str, str]] = field(default_factory=list)
+    failures: list[tuple[str, BaseException]] = field(default_factory=list)
+    recovery_failures: list[tuple[str, BaseException]] = field(default_factory=list)
+    error: str = ""
+    failed_node: str = ""
+    visits: dict[str, int] = field(default_factory=dict)
+    compute_s: float = 0.0
+
+    def note(self, path: str, error: BaseException) -> None:
+        """Something failed at `path`; the first to fail since a subgraph was entered is the one that is named."""
+        self.failures.append((path, error))
+        if not self.failed_node:
+            self.failed_node, self.error = path, str(error) or type(error).__name__
+
+
+class Course:
+    """Frames by top-level index, and the values that flow between them by name."""
+
+    def __init__(
+        self, graph: CompiledGraph, services: Services, emitter: Emitter, checkpoints: CheckpointEvaluator | None
+    ) -> None:
+        self.graph, self.services, self.emitter = graph, services, emitter
+        self.outcome = Outcome()
+        self.frames: dict[int, Frame] = {}
+        self.recovering = False
+        self.recovery_began = 0.0
+        self.over = Event()
+        self._checkpoints, self._ids = checkpoints, count(1)
+        self._due = Due(graph.nodes)
+        self._due.reach(graph.entries)
+        self._values: dict[str, tuple[int, Any]] = {}
+        self._observations = Observations(services, graph.workflow.meta.get("observation_stream_hz", ""), graph.dry)
+
+    @property
+    def has_due(self) -> bool:
+        """True when a subgraph or an end was reached and not entered yet."""
+        return bool(self._due.pending)
+
+    def in_order(self) -> list[Frame]:
+        """The frames, by name of their node."""
+        return [self.frames[i] for i in sorted(self.frames)] if len(self.frames) > 1 else list(self.frames.values())
+
+    def enter_due(self) -> None:
+        """Enter every subgraph, or the end, that was reached and need not wait. Raises `ExecutionError`."""
+        pending = self._due.pending
+        failure = next((i for i in sorted(pending) if self.graph.nodes[i].status == "failure"), None)
+        if failure is not None:  # a failure does not wait for what runs beside it
+            self._end(self.graph.nodes[failure])
+            return
+        ready = self._due.take(sum(1 << i for i in self.frames))
+        subgraphs = [i for i in ready if self.graph.nodes[i].subgraph is not None]
+        for index in subgraphs:
+            self._enter(self.graph.nodes[index])
+        ends = [i for i in ready if self.graph.nodes[i].subgraph is None]
+        if ends and not self.frames:
+            self._end(self.graph.nodes[ends[0]])
+        else:
+            self._due.reach(ends)
+
+    def finish_idle(self) -> None:
+        """Leave every frame with nothing left to run. Raises `ExecutionError` where the graph is stuck."""
+        idle = [f for f in self.in_order() if not f.due.pending]
+        if not idle and not self._due.pending:
+            raise ExecutionError("The graph came to a stop before it reached an end.", ())
+        for frame in idle:
+            if frame.top in self.frames:
+                self._finish(frame)
+
+    def leave(self, frame: Frame, value: str, *, failed: bool) -> None:
+        """The frame is over with this exit value; plain edges are for success. Raises `ExecutionError` where nothing
+        follows."""
+        node = self.graph.nodes[frame.top]
+        outputs = {} if failed else frame.outputs()
+        self._drop(frame, value, outputs, failed=failed)
+        for name, output in outputs.items():
+            self._produce(node, name, output)
+        targets = [*(() if failed else node.successors), *(node.routes.targets.get(value, ()) if node.routes else ())]
+        if not targets:
+            raise ExecutionError(f"{node.name} ended with {value!r}, which leads nowhere.", ())
+        self._due.reach(targets)
+
+    def abort(self, status: Status, reason: str) -> None:
+        """End the run here: `on_error` of what runs, then the failure end's recovery, then the end. Never twice."""
+        if self.over.is_set():
+            return
+        self.outcome.status, self.outcome.error = status, reason
+        ends = [e for f in self.in_order() if (e := self._failure_end(f)) is not None]
+        ends += [n for n in self.graph.nodes if n.status == "failure"]
+        for frame in self.in_order():
+            self._drop(frame, frame.subgraph.on_error, {}, failed=True)
+        if self.recovering or not ends or self._stop_failed():
+            self.close()
+            return
+        self.outcome.end = ends[0].name
+        self._recover(ends[0])
+
+    def fail(self, error: BaseException) -> None:
+        """End the run at once: nothing can be trusted to recover it."""
+        self.outcome.status, self.outcome.error = "error", str(error) or type(error).__name__
+        if not any(error is known for _, known in self.outcome.failures):
+            self.outcome.failures.append(("", error))
+        self.close()
+
+    def close(self) -> None:
+        """Drop what is left and say that the run is over. Idempotent."""
+        for frame in self.in_order():
+            stop_streaming(self.services, frame)
+        self.frames.clear()
+        self._observations.close()
+        self.over.set()
+
+    def _enter(self, node: TopNode) -> None:
+        assert node.subgraph is not None
+        self.outcome.failed_node = self.outcome.error = ""  # what failed before has been dealt with
+        visit = self.outcome.visits[node.name] = self.outcome.visits.get(node.name, 0) + 1
+        self._values = {k: v for k, v in self._values.items() if v[0] != node.index}  # a new pass, new outputs
+        inputs = {name: self._values[name][1] for name in node.subgraph.inputs if name in self._values}
+        frame = Frame(node.index, node.name, node.subgraph, inputs, self._observations.stream, self._ids)
+        frame.ends_run = self._failure_end(frame) is not None
+        self.frames[node.index] = frame
+        self.emitter.emit("subgraph_entered", node.name, inputs=inputs, visit=visit)
+
+    def _finish(self, frame: Frame) -> None:
+        if frame.subgraph.tolerant:
+            self.close()
+            return
+        try:
+            value = frame.exit()
+            broken = self._checkpoints(frame.name, frame.subgraph.ref, value) if self._checkpoints else []
+            if broken:
+                raise ExecutionError(f"{frame.name} does not hold what it promised: {', '.join(broken)}.", ())
+        except Exception as error:
+            self.outcome.note(frame.name, error)
+            self.leave(frame, frame.subgraph.on_error, failed=True)
+        else:
+            self.leave(frame, value, failed=False)
+
+    def _drop(self, frame: Frame, value: str, outputs: dict[str, Any], *, failed: bool, stopped: bool = False) -> None:
+        """Forget the frame. One that was `stopped` by what happened beside it has not ended by any exit."""
+        streamers = stop_streaming(self.services, frame)
+        del self.frames[frame.top]
+        if frame.subgraph.tolerant:
+            return
+        if not stopped:
+            self.outcome.exits.append((frame.name, value))
+        for attempt in streamers:
+            self.emitter.attempt_ended(attempt)
+        self.emitter.emit("subgraph_exited", frame.name, exit=value, failed=failed, stopped=stopped, outputs=outputs)
+
+    def _produce(self, node: TopNode, name: str, value: Any) -> None:
+        producer = self._values.get(name, (node.index, None))[0]
+        if producer != node.index:
+            raise ExecutionError(f"{node.name} and {self.graph.nodes[producer].name} both produce {name!r}.", ())
+        self._values[name] = (node.index, value)
+
+    def _failure_end(self, frame: Frame) -> TopNode | None:
+        routes = self.graph.nodes[frame.top].routes
+        targets = routes.targets.get(frame.subgraph.on_error, ()) if routes else ()
+        return next((self.graph.nodes[t] for t in targets if self.graph.nodes[t].status == "failure"), None)
+
+    def _end(self, node: TopNode) -> None:
+        self.outcome.end, self.outcome.status = node.name, node.status or "success"
+        for frame in self.in_order():
+            self._drop(frame, frame.subgraph.on_error, {}, failed=True, stopped=True)
+        self._recover(node)
+
+    def _recover(self, node: TopNode) -> None:
+        self._due.pending.clear()
+        if node.recovery is None:
+            self.close()
+            return
+        self.recovering, self.recovery_began = True, monotonic()
+        self.emitter.emit("recovery_started", node.name)
+        self.frames[node.index] = Frame(node.index, node.name, node.recovery, {}, self._observations.stream, self._ids)
+
+    def _stop_failed(self) -> bool:
+        problems = stop_arms(self.services.world)
+        if problems:
+            self.outcome.failures.append(("", ExecutionError("; ".join(problems), (), hint="Stop the robot by hand.")))
+        return bool(problems)

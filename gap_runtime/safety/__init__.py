@@ -1,0 +1,1 @@
+"""What stops the arms when the interpreter fails: protective stop and watchdog."""

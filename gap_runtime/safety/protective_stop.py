@@ -1,0 +1,41 @@
+"""The software protective stop: every arm told to stop, each on its own, none able to hold up another.
+
+It is not an emergency stop and not safety-rated.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable
+
+from gap_runtime.contracts.world import Arm, World
+
+CONFIRM_S = 2.0
+
+
+def stop_arms(world: World | None) -> list[str]:
+    """Stop every arm; returns what is known to have gone wrong (an arm that raised, or did not answer in time)."""
+    if world is None:
+        return []
+    try:
+        arms: Iterable[Arm] = tuple(world.arms)
+    except Exception as error:
+        return [f"the arms cannot be reached ({error})"]
+    problems: list[str] = []
+    threads = []
+    for i, arm in enumerate(arms):
+        thread = threading.Thread(target=_stop, args=(i, arm, problems), name="gap-stop", daemon=True)
+        thread.start()
+        threads.append(thread)
+    for i, thread in enumerate(threads):
+        thread.join(CONFIRM_S)
+        if thread.is_alive():
+            problems.append(f"arm {i} did not confirm its stop within {CONFIRM_S:g} s")
+    return problems
+
+
+def _stop(index: int, arm: Arm, problems: list[str]) -> None:
+    try:
+        arm.stop()
+    except BaseException as error:
+        problems.append(f"arm {index} could not be stopped ({error})")

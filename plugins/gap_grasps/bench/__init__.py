@@ -1,0 +1,1 @@
+"""`gap bench grasps`: sampled grasps executed in physics."""

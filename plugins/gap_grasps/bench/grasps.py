@@ -1,0 +1,117 @@
+"""Measures grasp generation: grasps on things alone on the floor, executed in physics, by generator and by object."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from gap_grasps.bench.execution import GENERATORS, VOID, Ranked, Seen, attempt, execute, in_reach
+from gap_grasps.bench.objects import Subject, bench_task, place, rest, subjects
+from gap_grasps.bench.perception import cloud_of, handle_of, pixels
+from gap_grasps.bench.sampling import drawn_evenly, pool_of
+from gap_grasps.pose_error import DECLARED
+from gap_runtime.contracts.privilege import node_scope
+from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.contracts.standalone import Cell
+from gap_runtime.contracts.task import Task
+from gap_runtime.contracts.tool import Tool
+from gap_runtime.contracts.types import Mask
+from gap_runtime.contracts.world import Instance, World
+
+LIFTED = 0.10  # m a held object must have risen
+WRIST = "wrist"
+MakeWorld = Callable[[Task, str, Mapping[str, RobotSpec]], World]
+Rank = Callable[[Cell, Seen], Ranked]
+
+
+def grasp_rows(
+    task: Task,
+    robots: Mapping[str, RobotSpec],
+    tools: Mapping[str, Tool],
+    seeds: Iterable[int],
+    make_world: MakeWorld,
+    *,
+    names: Iterable[str] | None = None,
+    generators: Iterable[str] = tuple(GENERATORS),
+    draws: int = 0,
+    pool: Rank = pool_of,
+) -> Iterator[dict[str, Any]]:
+    """Per object and seed: one row per generator, its best grasp executed, then up to `draws` rows of drawn grasps.
+
+    `names` (default all) and `generators` choose what is measured. Drawn grasps come from `pool`, evenly over the range
+    of its scores, and the hand misses them by the declared error; their rows have "generator" `DRAWN`.
+    """
+    everything, seeds = bench_task(task), tuple(seeds)
+    for subject in subjects(everything):
+        if names is not None and subject.name not in set(names):
+            continue
+        world = make_world(everything, subject.model, robots)
+        try:
+            for seed in seeds:
+                scene = _Scene(Cell(world, everything, robots, tools, seed), subject)
+                yield from scene.best(generators)
+                yield from scene.drawn(draws, pool)
+        finally:
+            world.close()
+
+
+DRAWN = "drawn"
+
+
+class _Scene:
+    """One object in one place: seen once, tried many times, each time from the same start."""
+
+    def __init__(self, cell: Cell, subject: Subject) -> None:
+        self._cell, self._subject = cell, subject
+        self._start: Instance = place(cell.task, subject.model, cell.seed)
+        self._about = {"object": subject.name, "seed": cell.seed, "rest": rest(cell.task, subject.model, cell.seed)}
+        cell.world.reset(self._start)
+        with node_scope("bench/look"):
+            self._seen = look(cell, handle_only=subject.handle_only)
+
+    def best(self, generators: Iterable[str]) -> Iterator[dict[str, Any]]:
+        """What each generator thinks best."""
+        for generator in generators:
+            self._cell.world.reset(self._start)
+            with node_scope("bench/grasp"):
+                row = attempt(self._cell, self._seen, GENERATORS[generator])
+            yield {**self._about, "generator": generator, **row, **self._judged(row)}
+
+    def drawn(self, count: int, pool: Rank) -> Iterator[dict[str, Any]]:
+        """Grasps of any score, by a hand that misses its place."""
+        if not count:
+            return
+        rng = np.random.default_rng([self._cell.seed, 1])
+        with node_scope("bench/grasp"):
+            ranked = pool(self._cell, self._seen)
+            reachable = drawn_evenly(ranked, count, rng, lambda pose: in_reach(self._cell, pose, self._seen.scene))
+        for pose, score in reachable:
+            self._cell.world.reset(self._start)
+            with node_scope("bench/grasp"):
+                reason = execute(self._cell, DECLARED.drawn(pose, rng))
+            row = {"score": score, "pose": pose, "reason": reason, "ms": None}
+            row |= {"cell": self._cell, "seen": self._seen}
+            yield {**self._about, "generator": DRAWN, **row, **self._judged(row)}
+
+    def _judged(self, row: Mapping[str, Any]) -> dict[str, Any]:
+        if row["reason"] == VOID:
+            return {"lifted": None, "success": False}
+        truth = self._cell.world.snapshot().body(self._subject.model)
+        return {"lifted": truth.lifted(), "success": truth.lifted() > LIFTED and truth.is_grasped()}
+
+
+def look(cell: Cell, *, handle_only: bool = False) -> Seen:
+    """Observe and segment, by depth alone."""
+    observed = cell.tool("observation.GetObservation")
+    masks = [pixels(cell, camera, observed.arm_states) for camera in observed.cameras]
+    clouds = [cloud_of(c, m) for c, m in zip(observed.cameras, masks, strict=True)]
+    target = scene = np.concatenate(clouds)
+    wrist = next(i for i, camera in enumerate(observed.cameras) if camera.name == WRIST)
+    mask = masks[wrist].data.copy()
+    if handle_only:
+        part = handle_of(scene)
+        target = scene[part]
+        mask[mask] = np.split(part, np.cumsum([len(c) for c in clouds])[:-1])[wrist]
+    return Seen(target, scene, observed.cameras[wrist], Mask(mask))

@@ -1,0 +1,1 @@
+"""Learned detectors, segmenters and trackers."""

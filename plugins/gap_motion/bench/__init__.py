@@ -1,0 +1,1 @@
+"""`gap bench motion`: planning problems, measurements and an independent verifier."""

@@ -1,0 +1,1 @@
+"""Robot spheres against a world of boxes, cylinders, meshes and clouds."""

@@ -1,0 +1,1 @@
+"""Forward kinematics, inverse kinematics and dynamics of a robot's model."""

@@ -1,0 +1,1 @@
+"""Collision-free motions to poses, grasps and along lines."""

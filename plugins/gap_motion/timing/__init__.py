@@ -1,0 +1,1 @@
+"""Time-parameterisation inside velocity, acceleration, jerk and torque limits."""

@@ -1,0 +1,1 @@
+"""The motion tools by catalogue name."""

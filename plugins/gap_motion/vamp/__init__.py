@@ -1,0 +1,1 @@
+"""Provider `vamp`: paths found by VAMP where it is installed."""

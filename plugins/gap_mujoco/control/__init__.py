@@ -1,0 +1,1 @@
+"""Joint controllers, trajectory following, stopping, contact reaction and the parallel gripper."""

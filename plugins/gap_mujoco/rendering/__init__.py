@@ -1,0 +1,1 @@
+"""Software rendering: cameras, labels, sensor noise and video."""

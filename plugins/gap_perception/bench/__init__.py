@@ -1,0 +1,1 @@
+"""`gap bench perception`: random cluttered scenes against ground truth."""

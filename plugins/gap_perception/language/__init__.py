@@ -1,0 +1,1 @@
+"""Phrases, questions and relations over what is seen."""

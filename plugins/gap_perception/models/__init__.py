@@ -1,0 +1,1 @@
+"""Object models and meshes: learned views, visual hulls, files."""
