@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from gap_cli import __version__
-from gap_cli.commands import error_handler as edge
+from gap_cli.commands import error_handler
 from gap_cli.commands.bench import bench
 from gap_cli.commands.demo import demo
 from gap_cli.commands.doctor import doctor
@@ -20,8 +20,8 @@ from gap_cli.commands.report import report
 from gap_cli.commands.run import run
 from gap_cli.commands.schema import schema
 from gap_cli.commands.skills import app as skills
-from gap_cli.commands.tasks import tasks
-from gap_cli.commands.tools import tools
+from gap_cli.commands.tasks import app as tasks
+from gap_cli.commands.tools import app as tools
 from gap_cli.commands.validate import validate
 from gap_cli.commands.view import view
 
@@ -34,7 +34,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-PIPELINE, LIBRARY, HOUSE = "Pipeline", "What there is", "Around it"
+PIPELINE, LIBRARY, UTILITIES = "Pipeline", "Library", "Utilities"
 app.command(rich_help_panel=PIPELINE)(plan)
 app.command(rich_help_panel=PIPELINE)(generate)
 app.command(rich_help_panel=PIPELINE)(validate)
@@ -44,11 +44,11 @@ app.command(rich_help_panel=PIPELINE)(run)
 app.command(rich_help_panel=PIPELINE)(view)
 app.command(rich_help_panel=PIPELINE)(demo)
 app.add_typer(skills, rich_help_panel=LIBRARY)
-app.command(rich_help_panel=LIBRARY)(tools)
-app.command(rich_help_panel=LIBRARY)(tasks)
-app.command(rich_help_panel=HOUSE)(bench)
-app.command(rich_help_panel=HOUSE)(doctor)
-app.command(rich_help_panel=HOUSE)(schema)
+app.add_typer(tools, rich_help_panel=LIBRARY)
+app.add_typer(tasks, rich_help_panel=LIBRARY)
+app.command(rich_help_panel=UTILITIES)(bench)
+app.command(rich_help_panel=UTILITIES)(doctor)
+app.command(rich_help_panel=UTILITIES)(schema)
 
 
 def _version(wanted: bool) -> None:
@@ -64,18 +64,19 @@ def gap(
     ] = False,
 ) -> None:
     """From a sentence about a manipulation task to a rehearsed graph of robot skills."""
+    error_handler.require_working_directory()
 
 
 def main() -> None:
     """Run the command line. Exit codes: 0 done, 1 the user's input, 2 usage, 3 a bug, 130 interrupted."""
-    edge.tolerate_any_terminal()
+    error_handler.tolerate_any_terminal()
     try:
         app(prog_name="gap")
-    except SystemExit:
-        raise
+    except SystemExit as ended:
+        error_handler.finish(ended)
     except BaseException as error:
-        code = edge.report(error, sys.argv)
-        edge.flush()
+        code = error_handler.report(error, sys.argv)
+        error_handler.flush()
         # Worker threads of a library must not keep an interrupted or failed command alive.
         os._exit(code) if code in (3, 130) else sys.exit(code)
 

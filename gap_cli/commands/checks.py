@@ -39,7 +39,7 @@ class Finding(NamedTuple):
     needed: bool = True
 
 
-def examine(root: Path) -> list[Finding]:
+def run_checks(root: Path) -> list[Finding]:
     """Every check, in the order a reader would ask."""
     from gap_runtime.plugins import load_registry
 

@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -40,13 +41,14 @@ RunName = Annotated[
 Root = Annotated[Path, typer.Option(help="The folder that holds the runs.", envvar="GAP_RUNS", show_default=True)]
 AsJson = Annotated[bool, typer.Option("--json", help="Print data as JSON and nothing else on stdout.")]
 RUNS = Path("runs")
+NARROW = 60  # columns below which a table of several columns cannot be read
 
 
 def console() -> Console:
-    """Where people read: stdout, honouring NO_COLOR, dumb terminals and narrow ones."""
+    """Where people read: stdout, honouring NO_COLOR, dumb terminals and COLUMNS; 100 columns where nobody watches."""
     from rich.console import Console
 
-    return Console(highlight=False, width=None if sys.stdout.isatty() else max(100, _columns()))
+    return Console(highlight=False, width=None if sys.stdout.isatty() else _columns() or 100)
 
 
 def print_json(data: Any) -> None:
@@ -57,22 +59,38 @@ def print_json(data: Any) -> None:
 
 
 def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
-    """A plain table that folds long cells instead of cutting them."""
+    """A plain table that folds long cells instead of cutting them; on a narrow terminal, one line per cell."""
     from rich.table import Table
     from rich.text import Text
 
+    out = console()
+    if out.width < NARROW:
+        _print_cells(title, columns, rows)
+        return
     table = Table(title=title or None, title_justify="left", header_style="bold", box=None, pad_edge=False)
     for column in columns:
         table.add_column(column, overflow="fold")
     for row in rows:
         table.add_row(*(cell if isinstance(cell, Text) else Text(str(cell)) for cell in row))
-    console().print(table)
+    out.print(table)
 
 
-def spelled(run: Run) -> str:
-    """How to name the run on the next command line: by name where the default root finds it, else by path."""
+def _print_cells(title: str, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    """Every filled cell on lines of its own, a blank line after each row."""
+    out = console()
+    if title:
+        out.print(title, markup=False)
+    for row in rows:
+        for column, cell in zip(columns, map(str, row), strict=False):
+            if cell.strip():
+                out.print(f"{column}: {cell}" if column else cell, markup=False)
+        out.print()
+
+
+def run_argument(run: Run) -> str:
+    """How to name the run on the next command line, quoted: by name where the default root finds it, else by path."""
     root = Path(os.environ.get("GAP_RUNS", RUNS))
-    return run.name if run.path.parent.resolve() == root.resolve() else str(run.path)
+    return quote(run.name if run.path.parent.resolve() == root.resolve() else str(run.path))
 
 
 def print_done(run: Run, stage: str, lines: Iterable[str], *, next_step: str = "") -> None:
@@ -80,7 +98,7 @@ def print_done(run: Run, stage: str, lines: Iterable[str], *, next_step: str = "
     out = console()
     for line in lines:
         out.print(line, markup=False, soft_wrap=True)
-    out.print(f"{stage}: {run.folder(stage)}", markup=False, soft_wrap=True, style="dim")
+    out.print(f"{stage or 'run'}: {run.folder(stage)}", markup=False, soft_wrap=True, style="dim")
     if next_step:
         out.print(f"next:  {next_step}", markup=False, soft_wrap=True, style="bold")
 

@@ -9,9 +9,9 @@ from gap_cli.commands.common import RUNS, AsJson, Root, print_json, print_table
 
 def doctor(root: Root = RUNS, json: AsJson = False) -> None:
     """Check this machine. Exit 1 when something GaP needs is missing."""
-    from gap_cli.commands.checks import examine
+    from gap_cli.commands.checks import run_checks
 
-    findings = examine(root)
+    findings = run_checks(root)
     missing = [f for f in findings if f.needed and not f.ok]
     if json:
         print_json({"ok": not missing, "checks": [f._asdict() for f in findings]})

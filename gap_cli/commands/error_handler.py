@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import platform
 import sys
@@ -12,10 +13,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from gap_runtime.errors import GapError, WorkflowError
+from gap_runtime.errors import GapError, StorageError, WorkflowError
 
 BUG, INTERRUPTED, BROKEN_PIPE = 3, 130, 141
 SHOWN_FINDINGS = 20
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 
 def report(error: BaseException, argv: list[str]) -> int:
@@ -27,6 +29,8 @@ def report(error: BaseException, argv: list[str]) -> int:
         with contextlib.suppress(OSError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_PIPE
+    if isinstance(error, OSError) and error.errno in _FULL:  # `gap tools list > /dev/full`
+        error = StorageError(f"The output cannot be written: {error.strerror}.")
     if isinstance(error, GapError) and error.exit_code != BUG:
         say(f"error: {_one_line(error.message)}")
         if isinstance(error, WorkflowError):
@@ -49,6 +53,25 @@ def say(text: str) -> None:
         print(text, file=sys.stderr, flush=True)  # noqa: T201
 
 
+def require_working_directory() -> None:
+    """Raise `StorageError` where the working directory was deleted: no relative path leads anywhere."""
+    try:
+        Path.cwd()
+    except FileNotFoundError:
+        raise StorageError("The working directory no longer exists.", hint="cd to a folder that does.") from None
+
+
+def finish(ended: SystemExit) -> None:
+    """Raise `ended` once stdout has taken everything; report it where it cannot (a full disk)."""
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        code = report(error, sys.argv)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # the interpreter flushes again at exit
+        sys.exit(code)
+    raise ended
+
+
 def flush() -> None:
     """Flush both streams without complaint."""
     for stream in (sys.stdout, sys.stderr):
@@ -57,7 +80,11 @@ def flush() -> None:
 
 
 def tolerate_any_terminal() -> None:
-    """Print `?` rather than crash where the terminal's encoding lacks a character."""
+    """Print `?` rather than crash where the terminal's encoding lacks a character, and nothing where it is closed."""
+    while (fd := os.open(os.devnull, os.O_RDWR)) <= 2:  # `gap ... >&-`: else the next file opened would be stdout
+        os.set_inheritable(fd, True)
+    os.close(fd)
+    sys.stdout, sys.stderr = sys.stdout or os.fdopen(1, "w"), sys.stderr or os.fdopen(2, "w")
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")

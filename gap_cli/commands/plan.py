@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gap_cli.commands.common import RUNS, AsJson, Root, complete_task, print_done, print_json, spelled
+from gap_cli.commands.common import RUNS, AsJson, Root, complete_task, print_done, print_json, run_argument
 
 
 def plan(
@@ -35,7 +35,7 @@ def plan(
         print_json({"run": run.name, "path": str(run.path), "plan": data})
         return
     segments = [f"  {s['name']}: {s['skill']}" for s in data.get("segments", [])]
-    print_done(run, "plan", [f"{run.name}: {say}", *segments], next_step=f"gap generate {spelled(run)}")
+    print_done(run, "plan", [f"{run.name}: {say}", *segments], next_step=f"gap generate {run_argument(run)}")
 
 
 def _pairs(given: list[str]) -> dict[str, str]:

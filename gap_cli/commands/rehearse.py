@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gap_cli.commands.common import RUNS, AsJson, Root, RunName, print_done, print_json, print_table, spelled
+from gap_cli.commands.common import RUNS, AsJson, Root, RunName, print_done, print_json, print_table, run_argument
 
 if TYPE_CHECKING:
     from gap_cli.rehearse.rehearsal import Summary
@@ -47,7 +47,7 @@ def rehearse(
         print_json({"run": opened.name, "path": str(summary.folder), "summary": summary.data, "clock": summary.clock})
     else:
         print_summary(opened, summary)
-        print_done(opened, "rehearse/00", [], next_step=f"gap report {spelled(opened)}")
+        print_done(opened, "rehearse/00", [], next_step=f"gap report {run_argument(opened)}")
     if summary.interrupted:
         raise typer.Exit(130)
 
@@ -71,7 +71,7 @@ def print_summary(run: Run, summary: Summary) -> None:
         (s["node"], s["skill"], f"{s['validation']['passed']}/{s['validation']['of']}", _exits(s))
         for s in data["subgraphs"]
     ]
-    print_table("", ("subgraph", "skill", "kept its promise", "exits"), rows)
+    print_table("", ("subgraph", "skill", "checks passed", "exits"), rows)
     out = console()
     out.print(f"\nsuccess     {rate_of(data)}", style="bold", markup=False)
     if data["void"]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -68,7 +69,7 @@ def new(
     out = console()
     for file in files:
         out.print(str(file), markup=False, soft_wrap=True)
-    out.print(f"next:  pip install -e {into / name}", markup=False, soft_wrap=True, style="bold")
+    out.print(f"next:  pip install -e {quote(str(into / name))}", markup=False, soft_wrap=True, style="bold")
 
 
 @app.command()

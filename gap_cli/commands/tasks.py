@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -12,20 +13,16 @@ if TYPE_CHECKING:
     from gap_runtime.contracts.task import Task
 
 
-def tasks(
-    name: Annotated[
-        str | None, typer.Argument(metavar="TASK", help="One task, shown in full.", autocompletion=complete_task)
-    ] = None,
-    json: AsJson = False,
-) -> None:
-    """List the tasks, or show one in full."""
+app = typer.Typer(name="tasks", help="The tasks graphs are planned for.", no_args_is_help=True)
+
+
+@app.command("list")
+def list_tasks(json: AsJson = False) -> None:
+    """List the installed tasks."""
     from gap_cli.workspace.tasks import find_tasks, open_task
     from gap_runtime.plugins import load_registry
 
     registry = load_registry()
-    if name is not None:
-        _one(open_task(registry, name), json)
-        return
     listed = [_as_dict(open_task(registry, known)) for known in find_tasks(registry)]
     if json:
         print_json(listed)
@@ -34,7 +31,16 @@ def tasks(
     print_table("", ("task", "variants", "objects", ""), rows)
 
 
-def _one(task: Task, json: bool) -> None:
+@app.command()
+def show(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="A task.", autocompletion=complete_task)],
+    json: AsJson = False,
+) -> None:
+    """Show one task: its objects, variants and instructions."""
+    from gap_cli.workspace.tasks import open_task
+    from gap_runtime.plugins import load_registry
+
+    task = open_task(load_registry(), name)
     data = _as_dict(task)
     if json:
         print_json(data)
@@ -48,7 +54,7 @@ def _one(task: Task, json: bool) -> None:
     out.print("\nvariants: " + (", ".join(task.variants) or "none"), markup=False)
     out.print("say for example:", markup=False)
     for instruction in task.instructions:
-        out.print(f'  gap plan --task {task.name} --say "{instruction}"', markup=False, soft_wrap=True)
+        out.print(f"  gap plan --task {task.name} --say {quote(instruction)}", markup=False, soft_wrap=True)
 
 
 def _as_dict(task: Task) -> dict[str, Any]:

@@ -13,17 +13,22 @@ if TYPE_CHECKING:
     from gap_runtime.plugins import Registry
 
 
-def tools(
-    name: Annotated[str | None, typer.Argument(metavar="TOOL", help="One tool, shown in full.")] = None,
-    json: AsJson = False,
-) -> None:
-    """List the tools with their providers, or show one in full."""
+app = typer.Typer(name="tools", help="The tools graphs call.", no_args_is_help=True)
+
+
+def complete_tool(incomplete: str) -> list[str]:
+    """Names of registered tools, for shell completion."""
+    from gap_runtime.plugins import load_registry
+
+    return [name for name in load_registry().tools if name.startswith(incomplete)]
+
+
+@app.command("list")
+def list_tools(json: AsJson = False) -> None:
+    """List the tools with their providers."""
     from gap_runtime.plugins import load_registry
 
     registry = load_registry()
-    if name is not None:
-        _one(registry, name, json)
-        return
     listed = [_as_dict(tool, registry) for tool in registry.tools.values()]
     if json:
         print_json(listed)
@@ -32,7 +37,15 @@ def tools(
     print_table("", ("tool", "effect", "provider", "plugin", ""), rows)
 
 
-def _one(registry: Registry, name: str, json: bool) -> None:
+@app.command()
+def show(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="A tool.", autocompletion=complete_tool)],
+    json: AsJson = False,
+) -> None:
+    """Show the contract of one tool and who serves it."""
+    from gap_runtime.plugins import load_registry
+
+    registry = load_registry()
     tool = registry.tool(name)
     data = {**_as_dict(tool, registry), **tool.spec.schema, "doc": tool.spec.doc}
     if json:

@@ -18,7 +18,7 @@ from gap_runtime.contracts.documents import read_yaml
 from gap_runtime.errors import RunError, did_you_mean
 
 ROOT = Path("runs")
-_NAME = re.compile(r"^(?P<task>[a-z][a-z0-9-]*)-(?P<number>\d{3,})$")
+_NAME = re.compile(r"^[a-z][a-z0-9-]*-(?P<number>\d{3,})$")
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,11 @@ class Run:
 
     @classmethod
     def create(cls, root: Path, asked: Asked) -> Run:
-        """Make the next free `<task>-NNN` below `root`, holding run.yaml. Raises `StorageError`."""
-        number = 1 + max((n for n, _ in _numbered(root, asked.task)), default=0)
+        """Make the next free `<task>-NNN` below `root`, holding run.yaml. Raises `StorageError`.
+
+        The number counts all runs of `root`, whatever their task.
+        """
+        number = 1 + max(map(_number, root.iterdir()), default=0) if root.is_dir() else 1
         while True:
             path = root / f"{asked.task}-{number:03d}"
             try:
@@ -65,11 +68,11 @@ class Run:
 
     @classmethod
     def latest(cls, root: Path) -> Run:
-        """The run created last. Raises `RunError` when there is none."""
+        """The run created last, by number: clocks are set back. Raises `RunError` when there is none."""
         runs = cls.list(root)
         if not runs:
             raise RunError(f"There is no run in {root}/ yet.", hint='Type: gap plan --task TASK --say "..."')
-        return max(runs, key=lambda run: ((run.path / "run.yaml").stat().st_mtime_ns, run.name))
+        return max(runs, key=lambda run: (_number(run.path), (run.path / "run.yaml").stat().st_mtime_ns, run.name))
 
     @classmethod
     def list(cls, root: Path) -> list[Run]:
@@ -116,8 +119,7 @@ class Run:
             os.close(handle)
 
 
-def _numbered(root: Path, task: str) -> Iterator[tuple[int, Path]]:
-    for path in root.iterdir() if root.is_dir() else ():
-        match = _NAME.match(path.name)
-        if match and match["task"] == task:
-            yield int(match["number"]), path
+def _number(path: Path) -> int:
+    """NNN of `<task>-<NNN>`; 0 for a folder of another name."""
+    match = _NAME.match(path.name)
+    return int(match["number"]) if match else 0

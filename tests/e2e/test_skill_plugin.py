@@ -16,7 +16,7 @@ def test_a_new_skill_plugin_is_built_installed_and_run(cell, tmp_path):
 
     listed = json.loads(cell.run("gap", "skills", "list", "--json", cwd=tmp_path).stdout)
     assert "wave-hello" in {s["name"] for s in listed}
-    tools = json.loads(cell.run("gap", "tools", "--json", cwd=tmp_path).stdout)
+    tools = json.loads(cell.run("gap", "tools", "list", "--json", cwd=tmp_path).stdout)
     assert any(t["plugin"].startswith("gap_wave_hello") for t in tools)
 
     done = cell.run("python", "-m", "pytest", "-q", str(project), cwd=tmp_path)

@@ -100,7 +100,7 @@ def test_files_are_short_and_say_what_they_are_for(path):
     assert not text.strip() or ast.get_docstring(ast.parse(text)), "a module opens with one sentence"
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["validate", "--help"], ["tools", "--json"]], ids=" ".join)
+@pytest.mark.parametrize("arguments", [["--help"], ["validate", "--help"], ["tools", "list", "--json"]], ids=" ".join)
 def test_light_commands_load_nothing_heavy(arguments):
     code = (
         "import sys, contextlib, io\n"

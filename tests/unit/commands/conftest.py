@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import pytest
 
 from gap_cli import main as main_module
-from gap_cli.commands import error_handler as edge
+from gap_cli.commands import error_handler
 
 
 @dataclass(frozen=True)
@@ -53,5 +53,5 @@ def gap(monkeypatch, capsys, tmp_path):
 def logs(monkeypatch, tmp_path):
     """Where bugs are written down."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    assert edge.state_folders()[0] == tmp_path / "state" / "gap"
+    assert error_handler.state_folders()[0] == tmp_path / "state" / "gap"
     return tmp_path / "state" / "gap"

@@ -37,8 +37,8 @@ def tree(folder):
         (("generate", "nope"), ["no run 'nope'"]),
         (("validate",), ["no run", "gap plan"]),
         (("report", "./nowhere"), ["nowhere"]),
-        (("tools", "gripper.Opne"), ["gripper.Open"]),
-        (("tasks", "fulfill"), ["fulfill-grocery"]),
+        (("tools", "show", "gripper.Opne"), ["gripper.Open"]),
+        (("tasks", "show", "fulfill"), ["fulfill-grocery"]),
     ],
     ids=lambda v: " ".join(v)[:40] if isinstance(v, tuple) else "",
 )
@@ -59,7 +59,9 @@ def test_what_does_not_exist_is_named_with_what_does(gap, tmp_path, arguments, w
         (b"name: l\xe4ttle", "UTF-8"),
     ],
 )
-@pytest.mark.parametrize("command", [("tasks",), ("plan", "--task", "little", "--say", "Do it")], ids=lambda c: c[0])
+@pytest.mark.parametrize(
+    "command", [("tasks", "show", "little"), ("plan", "--task", "little", "--say", "Do it")], ids=lambda c: c[0]
+)
 def test_a_malformed_task_names_file_and_line(gap, little_cell, plugin_folder, tmp_path, damage, word, command):
     file = plugin_folder / "little_cell/tasks/little/task.yaml"
     good = file.read_bytes()
@@ -140,7 +142,7 @@ def test_a_bad_plugin_takes_nothing_along(gap, tmp_path, monkeypatch, source, re
     (site / "bad_plugin-1.dist-info/entry_points.txt").write_text("[gap]\nbad = bad_plugin\n")
     monkeypatch.syspath_prepend(str(site))
     monkeypatch.delitem(sys.modules, "bad_plugin", raising=False)
-    done = gap("tools", "--json")
+    done = gap("tools", "list", "--json")
     assert done.code == 0 and len(json.loads(done.out)) > 30
     if reason:
         from gap_runtime.plugins import load_registry

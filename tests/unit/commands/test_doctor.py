@@ -66,7 +66,7 @@ def test_what_is_optional_and_missing_does_not(gap, monkeypatch):
 def test_every_registered_check_is_asked(monkeypatch, tmp_path):
     asked = []
     monkeypatch.setattr(checks, "_ask", lambda name: asked.append(name) or checks.Finding(name, True, ""))
-    checks.examine(tmp_path)
+    checks.run_checks(tmp_path)
     assert asked == sorted(load_registry().checks) != []
 
 

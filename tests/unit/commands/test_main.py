@@ -1,4 +1,5 @@
 import json
+import shlex
 import subprocess
 import sys
 
@@ -7,7 +8,8 @@ import pytest
 from gap_cli import __version__
 from gap_cli.main import app
 
-COMMANDS = [c.callback.__name__ for c in app.registered_commands]
+GROUPS = [g.typer_instance.info.name for g in app.registered_groups]
+COMMANDS = [c.callback.__name__ for c in app.registered_commands] + GROUPS
 
 
 def test_help_names_every_verb(gap):
@@ -25,7 +27,16 @@ def test_version(gap):
     assert gap("--version").out.split() == ["gap", __version__]
 
 
-@pytest.mark.parametrize("arguments", [("tools",), ("tasks",), ("tools", "cell.Act"), ("tasks", "little")])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        *((group, "list") for group in GROUPS),
+        ("tools", "show", "cell.Act"),
+        ("tasks", "show", "little"),
+        ("skills", "show", "fake"),
+    ],
+    ids=" ".join,
+)
 def test_json_is_the_only_thing_on_stdout(gap, little_cell, arguments):
     done = gap(*arguments, "--json")
     assert done.code == 0 and done.err == ""
@@ -33,9 +44,9 @@ def test_json_is_the_only_thing_on_stdout(gap, little_cell, arguments):
 
 
 def test_tools_say_who_serves_them(gap, little_cell):
-    listed = {t["name"]: t for t in json.loads(gap("tools", "--json").out)}
+    listed = {t["name"]: t for t in json.loads(gap("tools", "list", "--json").out)}
     assert (listed["cell.Act"]["provider"], listed["cell.Act"]["plugin"]) == ("embedded", "little_cell")
-    assert "little_cell" in gap("tools").out
+    assert "little_cell" in gap("tools", "list").out
 
 
 def test_the_verbs_after_generate_work_on_the_latest_run_or_the_named_one(gap, make_run):
@@ -53,9 +64,10 @@ def test_each_stage_says_what_to_type_next(gap, make_run):
     assert f"gap report {run.name}" in gap("rehearse", "-n", 1, "--record", "none").out
 
 
-def test_a_run_elsewhere_is_named_by_path(gap, make_run, tmp_path):
-    run = make_run(tmp_path / "elsewhere")
-    assert f"gap rehearse {run.path}" in gap("validate", "--root", tmp_path / "elsewhere").out
+def test_a_run_elsewhere_is_named_by_a_path_the_shell_takes(gap, make_run, tmp_path):
+    run = make_run(tmp_path / "else where")
+    next_line = gap("validate", "--root", tmp_path / "else where").out.splitlines()[-1]
+    assert shlex.split(next_line) == ["next:", "gap", "rehearse", str(run.path)]
 
 
 def test_rehearse_prints_rate_interval_and_times(gap, make_run):
@@ -80,7 +92,9 @@ def test_a_refused_graph_exits_1_and_lists_the_findings(gap, make_run):
 HEAVY = ("mujoco", "torch", "cv2", "sklearn", "dm_control", "ompl")
 
 
-@pytest.mark.parametrize("arguments", [("validate",), ("rehearse", "-n", "1", "--record", "none"), ("tasks", "little")])
+@pytest.mark.parametrize(
+    "arguments", [("validate",), ("rehearse", "-n", "1", "--record", "none"), ("tasks", "show", "little")]
+)
 def test_only_workers_load_the_simulator(make_run, arguments):
     run = make_run()
     code = (

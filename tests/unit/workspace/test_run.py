@@ -12,10 +12,10 @@ from gap_runtime.errors import DocumentError, RunError, StorageError
 ASKED = Asked(task="fulfill-grocery", instruction="Pick the soup")
 
 
-def test_runs_are_numbered_by_task(tmp_path):
+def test_runs_of_all_tasks_share_one_numbering(tmp_path):
     names = [Run.create(tmp_path, ASKED).name for _ in range(2)]
     other = Run.create(tmp_path, Asked(task="pack", instruction="x"))
-    assert [*names, other.name] == ["fulfill-grocery-001", "fulfill-grocery-002", "pack-001"]
+    assert [*names, other.name] == ["fulfill-grocery-001", "fulfill-grocery-002", "pack-003"]
 
 
 def test_a_number_is_never_used_twice_even_after_a_gap(tmp_path):
@@ -33,11 +33,12 @@ def test_two_runs_of_one_question_hold_the_same_bytes(tmp_path):
     assert (a.path / "run.yaml").read_bytes() == (b.path / "run.yaml").read_bytes()
 
 
-def test_the_latest_run_is_meant_when_none_is_named(tmp_path):
-    first, second = Run.create(tmp_path, ASKED), Run.create(tmp_path, ASKED)
+@pytest.mark.parametrize("task", ["fulfill-grocery", "a-task-that-sorts-first"])
+def test_the_latest_run_has_the_highest_number_whatever_the_clock_says(tmp_path, task):
+    first, second = Run.create(tmp_path, ASKED), Run.create(tmp_path, ASKED.model_copy(update={"task": task}))
     for age, run in ((1, first), (2, second)):
         os.utime(run.path / "run.yaml", ns=(0, 10**18 - age))
-    assert Run.open(tmp_path).name == first.name
+    assert Run.open(tmp_path).name == second.name == f"{task}-002"
 
 
 def test_a_run_opens_by_path(tmp_path):

@@ -1,4 +1,4 @@
-"""The edge: what the shell and the terminal see of success, mistakes, bugs and interruptions."""
+"""What the shell and the terminal see of success, mistakes, bugs and interruptions."""
 
 import os
 import subprocess
@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from gap_cli.commands import error_handler as edge
+from gap_cli.commands import error_handler
 from gap_runtime.errors import GapError, PrivilegedReadError, WorkflowError
 from gap_runtime.graph.findings import Finding
 
@@ -14,7 +14,7 @@ GAP = [sys.executable, "-m", "gap_cli.main"]
 
 
 def said(capsys, error):
-    code = edge.report(error, ["gap"])
+    code = error_handler.report(error, ["gap"])
     return code, capsys.readouterr().err.splitlines()
 
 
@@ -46,7 +46,7 @@ def test_a_bug_leaves_a_log(capsys, logs, bug):
 
 def test_a_bug_is_told_even_where_no_log_can_be_written(capsys, monkeypatch, tmp_path):
     (tmp_path / "file").write_text("")
-    monkeypatch.setattr(edge, "state_folders", lambda: [tmp_path / "file" / "below"])
+    monkeypatch.setattr(error_handler, "state_folders", lambda: [tmp_path / "file" / "below"])
     code, lines = said(capsys, KeyError("x"))
     assert code == 3 and any("KeyError" in line for line in lines)
 
@@ -61,7 +61,7 @@ def run(*arguments, **env):
 
 
 def test_an_unread_pipe_is_no_error():
-    command = f"{' '.join(GAP)} tools --json | head -c 1"
+    command = f"{' '.join(GAP)} tools list --json | head -c 1"
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout == "[" and done.stderr == ""
 
@@ -72,13 +72,35 @@ def test_an_unread_pipe_is_no_error():
     ids=lambda e: next(iter(e)),
 )
 def test_any_terminal_will_do(env):
-    done = run("tasks", "fulfill-grocery", **env)
+    done = run("tasks", "show", "fulfill-grocery", **env)
     assert done.returncode == 0 and done.stderr == ""
     assert "alphabet" in done.stdout and "\x1b" not in done.stdout
 
 
+@pytest.mark.parametrize(
+    ("shell", "code", "err"),
+    [
+        ("{gap} tasks list >&-", 0, ""),
+        ("{gap} tasks list 2>&-", 0, ""),
+        ("{gap} tasks list >/dev/full", 1, "error: The output cannot be written: No space left on device.\n"),
+        ("mkdir d; cd d; rmdir ../d; {gap} tasks list", 1, "error: The working directory no longer exists.\n"),
+    ],
+)
+def test_what_the_shell_takes_away_is_no_crash(tmp_path, shell, code, err):
+    command = ["bash", "-c", shell.format(gap=" ".join(GAP))]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=tmp_path, check=False)
+    assert done.returncode == code and done.stderr.startswith(err) and "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("arguments", [("tasks", "list"), ("tools", "list"), ("skills", "list")], ids=" ".join)
+def test_tables_fit_a_narrow_terminal(gap, monkeypatch, arguments):
+    monkeypatch.setenv("COLUMNS", "20")
+    out = gap(*arguments).out
+    assert out and max(map(len, out.splitlines())) <= 20
+
+
 def test_a_home_that_is_missing_is_no_error():
-    done = run("tools", "--json", HOME="/nowhere", TMPDIR="/nowhere")
+    done = run("tools", "list", "--json", HOME="/nowhere", TMPDIR="/nowhere")
     assert done.returncode == 0 and done.stderr == ""
 
 
