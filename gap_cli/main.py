@@ -70,6 +70,7 @@ def gap(
 def main() -> None:
     """Run the command line. Exit codes: 0 done, 1 the user's input, 2 usage, 3 a bug, 130 interrupted."""
     error_handler.tolerate_any_terminal()
+    error_handler.show_warnings()
     try:
         app(prog_name="gap")
     except SystemExit as ended:

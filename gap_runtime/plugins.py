@@ -56,6 +56,18 @@ class Entry:
     plugin: str
 
 
+@dataclass(frozen=True)
+class LeftOut:
+    """A skill or a task that cannot be read, with the plugin that brought it."""
+
+    plugin: str
+    error: GapError
+
+    def __str__(self) -> str:
+        text = f"{self.error.message.removesuffix('.')} (plugin {self.plugin!r})."
+        return f"{text} {self.error.hint}".strip()
+
+
 @dataclass
 class Registry:
     """Everything the plugins offer. `broken` maps the name of a plugin left out to the reason."""

@@ -9,7 +9,7 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 LIMIT_S = 120.0
 NEEDED_MB = 500
+_FIX = "Fix or uninstall it."
 PYTHON = (3, 11)
 EXTRAS = {
     "rtb-data": ("the Panda's published meshes, for looks", "pip install 'gap-cli[looks]'"),
@@ -48,11 +49,7 @@ def run_checks(root: Path) -> list[Finding]:
         registry = load_registry()
     except GapError as error:
         return [*findings, Finding("plugins", False, error.message, error.hint), _disk(root)]
-    findings += [
-        *_plugins(registry),
-        _content("skills", lambda: _skills(registry)),
-        _content("tasks", lambda: _tasks(registry)),
-    ]
+    findings += [*_plugins(registry), *_skills(registry), *_tasks(registry)]
     findings += [_ask(name) for name in sorted(registry.checks)]
     return [*findings, _sandbox(), _torch(), *_extras(), _disk(root)]
 
@@ -111,29 +108,35 @@ def _plugins(registry: Registry) -> Iterator[Finding]:
 
     yield Finding("plugins", True, ", ".join(f"{p.name} {p.version}" for p in registry.plugins.values()))
     for name, reason in sorted(registry.broken.items()):
-        yield Finding(f"plugin {name}", False, reason, "Mend or uninstall it.", needed=name in FIRST_PARTY)
+        yield Finding(f"plugin {name}", False, reason, _FIX, needed=name in FIRST_PARTY)
 
 
-def _content(what: str, load: Callable[[], str]) -> Finding:
-    try:
-        return Finding(what, True, load())
-    except GapError as error:
-        return Finding(what, False, error.message, error.hint)
-
-
-def _skills(registry: Registry) -> str:
+def _skills(registry: Registry) -> Iterator[Finding]:
     from gap_cli.skills import load_library
+    from gap_runtime.plugins import FIRST_PARTY
 
-    return f"{len(load_library(registry.skill_paths))} skills, {len(registry.tools)} tools"
+    try:
+        library = load_library(registry.skill_paths)
+    except GapError as error:
+        yield Finding("skills", False, error.message, error.hint)
+        return
+    yield Finding("skills", True, f"{len(library)} skills, {len(registry.tools)} tools")
+    for name, left in library.left_out.items():
+        yield Finding(f"skill {name}", False, str(left), _FIX, needed=left.plugin in FIRST_PARTY)
 
 
-def _tasks(registry: Registry) -> str:
-    from gap_cli.workspace.tasks import find_tasks, open_task
+def _tasks(registry: Registry) -> Iterator[Finding]:
+    from gap_cli.commands.tasks import open_tasks
+    from gap_runtime.plugins import FIRST_PARTY
 
-    names = list(find_tasks(registry))
-    for name in names:
-        open_task(registry, name)
-    return ", ".join(names) or "none installed"
+    try:
+        tasks, left_out = open_tasks(registry)
+    except GapError as error:
+        yield Finding("tasks", False, error.message, error.hint)
+        return
+    yield Finding("tasks", True, ", ".join(task.name for task in tasks) or "none installed")
+    for name, left in left_out.items():
+        yield Finding(f"task {name}", False, str(left), _FIX, needed=left.plugin in FIRST_PARTY)
 
 
 def _sandbox() -> Finding:

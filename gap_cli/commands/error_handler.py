@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import logging
 import os
 import platform
 import sys
@@ -70,6 +71,27 @@ def finish(ended: SystemExit) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # the interpreter flushes again at exit
         sys.exit(code)
     raise ended
+
+
+class _Warnings(logging.Handler):
+    """Says each warning once, however often its cause is met."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.said: set[str] = set()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        text = _one_line(record.getMessage())
+        if text not in self.said:
+            self.said.add(text)
+            say(f"warning: {text}")
+
+
+def show_warnings() -> None:
+    """Print what the engine warns about (a plugin or a skill left out) on stderr."""
+    for name in ("gap_runtime", "gap_cli"):
+        logger = logging.getLogger(name)
+        logger.handlers = [*(h for h in logger.handlers if not isinstance(h, _Warnings)), _Warnings()]
 
 
 def flush() -> None:

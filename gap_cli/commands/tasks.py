@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,24 +12,42 @@ from gap_cli.commands.common import AsJson, complete_task, console, print_json, 
 
 if TYPE_CHECKING:
     from gap_runtime.contracts.task import Task
+    from gap_runtime.plugins import LeftOut, Registry
 
 
+log = logging.getLogger(__name__)
 app = typer.Typer(name="tasks", help="The tasks graphs are planned for.", no_args_is_help=True)
 
 
 @app.command("list")
 def list_tasks(json: AsJson = False) -> None:
     """List the installed tasks."""
-    from gap_cli.workspace.tasks import find_tasks, open_task
     from gap_runtime.plugins import load_registry
 
-    registry = load_registry()
-    listed = [_as_dict(open_task(registry, known)) for known in find_tasks(registry)]
+    listed = [_as_dict(task) for task in open_tasks(load_registry())[0]]
     if json:
         print_json(listed)
         return
     rows = [(t["name"], ", ".join(t["variants"]), len(t["objects"]), t["description"]) for t in listed]
     print_table("", ("task", "variants", "objects", ""), rows)
+
+
+def open_tasks(registry: Registry) -> tuple[list[Task], dict[str, LeftOut]]:
+    """Every installed task, and those that cannot be read, each with a warning that names plugin and file."""
+    from gap_cli.workspace.tasks import find_tasks, open_task
+    from gap_runtime.errors import GapError
+    from gap_runtime.plugins import LeftOut
+
+    tasks: list[Task] = []
+    left_out: dict[str, LeftOut] = {}
+    for name, folder in find_tasks(registry).items():
+        try:
+            tasks.append(open_task(registry, name))
+        except GapError as error:
+            plugin = next((p for path, p in registry.task_paths if folder.is_relative_to(path)), "")
+            left_out[name] = LeftOut(plugin, error)
+            log.warning("task %s left out: %s", name, left_out[name])
+    return tasks, left_out
 
 
 @app.command()

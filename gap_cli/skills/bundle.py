@@ -55,6 +55,8 @@ class SkillBundle:
 def load_bundle(path: Path, plugin: str = "") -> SkillBundle:
     """Read and check one skill directory. Raises `DocumentError` naming the file and, where it can, the line."""
     where = str(path / SKILL_MD)
+    if path.is_symlink():
+        raise DocumentError(str(path), "is a symbolic link", hint="Copy the skill, or register its real folder.")
     head, body = parse_skill_md(read_text(_inside(path, SKILL_MD, where)), where)
     if head.name != path.name:
         raise DocumentError(where, f"name {head.name!r} differs from its folder {path.name!r}", hint="Rename either.")

@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gap_cli.skills.bundle import SKILL_MD, SkillBundle, load_bundle
+from gap_runtime.contracts.documents import read_text
 from gap_runtime.contracts.skill import SkillContract
-from gap_runtime.errors import DocumentError, PluginError, UnknownNameError
+from gap_runtime.errors import DocumentError, GapError, PluginError, UnknownNameError
+from gap_runtime.plugins import LeftOut
 
 if TYPE_CHECKING:
     from gap_runtime.graph.model import Workflow
 
 MAX_SKILLS = 10_000
+log = logging.getLogger(__name__)
 
 
 class SkillLibrary(Mapping[str, SkillBundle]):
-    """Skill name to bundle, sorted by name."""
+    """Skill name to bundle, sorted by name. `left_out` holds what could not be read, by folder name."""
 
-    def __init__(self, bundles: Iterable[SkillBundle]) -> None:
+    def __init__(self, bundles: Iterable[SkillBundle], left_out: Mapping[str, LeftOut] | None = None) -> None:
         """Raises `PluginError` when two bundles share a name."""
+        self.left_out = dict(left_out or {})
         self._bundles: dict[str, SkillBundle] = {}
         for bundle in sorted(bundles, key=lambda b: (b.name, str(b.path))):
             other = self._bundles.setdefault(bundle.name, bundle)
@@ -42,11 +47,12 @@ class SkillLibrary(Mapping[str, SkillBundle]):
         return len(self._bundles)
 
     def find(self, name: str) -> SkillBundle:
-        """The skill called `name`. Raises `UnknownNameError` with the nearest one."""
-        try:
+        """The skill called `name`. Raises `UnknownNameError` with the nearest one, `PluginError` for one left out."""
+        if name in self:
             return self[name]
-        except KeyError:
-            raise UnknownNameError("skill", name, self._bundles) from None
+        if name in self.left_out:
+            raise PluginError(f"Skill {name!r} cannot be read: {self.left_out[name]}")
+        raise UnknownNameError("skill", name, self._bundles)
 
     @property
     def contracts(self) -> dict[str, SkillContract]:
@@ -81,29 +87,41 @@ class SkillLibrary(Mapping[str, SkillBundle]):
 def load_library(paths: Iterable[tuple[Path, str]]) -> SkillLibrary:
     """Read every skill below the registered paths; each path is a skill or a directory of skills.
 
-    Raises `DocumentError` for a malformed bundle, `PluginError` for two skills of one name.
+    One that cannot be read is left out, with a warning that names its plugin and file. Raises `PluginError` for two
+    skills of one name.
     """
     bundles: list[SkillBundle] = []
+    left_out: dict[str, LeftOut] = {}
+
+    def leave_out(path: Path, plugin: str, error: GapError) -> None:
+        left_out[path.name] = LeftOut(plugin, error)
+        log.warning("skill %s left out: %s", path.name, left_out[path.name])
+
     for path, plugin in paths:
-        bundles += [load_bundle(p, plugin) for p in _skill_folders(path, plugin)]
+        try:
+            folders = skill_folders(path)
+        except GapError as error:
+            leave_out(path, plugin, error)
+            continue
+        for folder in folders:
+            try:
+                bundles.append(load_bundle(folder, plugin))
+            except GapError as error:
+                leave_out(folder, plugin, error)
         if len(bundles) > MAX_SKILLS:
             raise DocumentError(str(path), f"more than {MAX_SKILLS} skills")
-    return SkillLibrary(bundles)
+    return SkillLibrary(bundles, left_out)
 
 
-def _skill_folders(path: Path, plugin: str) -> list[Path]:
+def skill_folders(path: Path) -> list[Path]:
+    """`path` where it is a skill, else the skills directly below it. Raises `DocumentError` where there is none."""
     if not path.is_dir():
-        raise DocumentError(str(path), f"registered by plugin {plugin!r} as skills, is not a directory")
+        raise DocumentError(str(path), "is not a directory of skills")
     if _looks_like_skill(path):
-        return [path]
+        return [path.resolve()]
     children = [p for p in sorted(path.iterdir()) if p.name[0] not in "._" and _looks_like_skill(p)]
     if not children:
-        raise DocumentError(
-            str(path), f"registered by plugin {plugin!r}, holds no skill", hint=f"Looked for {SKILL_MD}."
-        )
-    for child in children:
-        if child.is_symlink():
-            raise DocumentError(str(child), "is a symbolic link", hint="Copy the skill, or register its real folder.")
+        raise DocumentError(str(path), "holds no skill", hint=f"Looked for {SKILL_MD} in it and in its folders.")
     return children
 
 
@@ -124,6 +142,6 @@ def _canonical(bundle: SkillBundle | None, subgraph: str, script: str | None) ->
 
 def _same(source: Path, copy: Path) -> bool:
     try:
-        return source.read_bytes() == copy.read_bytes()
-    except OSError:
+        return read_text(source).rstrip() == read_text(copy).rstrip()
+    except GapError:
         return False

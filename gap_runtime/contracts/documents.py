@@ -45,7 +45,7 @@ def read_text(path: Path) -> str:
     except OSError as error:
         raise DocumentError(where, f"cannot be read ({error.strerror})") from None
     try:
-        text = data.decode("utf-8")
+        text = data.decode("utf-8").removeprefix("\ufeff")  # a byte-order mark says UTF-8, and nothing else
     except UnicodeDecodeError as error:
         line = data[: error.start].count(b"\n") + 1
         raise DocumentError(f"{where}:{line}", "is not UTF-8", hint="Save the file as UTF-8.") from None

@@ -85,17 +85,47 @@ def test_a_malformed_task_names_file_and_line(gap, little_cell, plugin_folder, t
         ("contract.yaml", "template: t.py.j2", "template: gone.j2", "gone.j2"),
     ],
 )
-def test_a_malformed_skill_names_its_file(gap, make_run, plugin_folder, name, old, new, word):
-    run = make_run()
+def test_a_malformed_skill_is_left_out_with_its_plugin_and_file(gap, make_run, plugin_folder, name, old, new, word):
+    make_run()
     file = plugin_folder / "little_cell/skills/fake" / name
-    good, before = file.read_text(), tree(run.path)
+    good = file.read_text()
     try:
         file.write_text(good.replace(old, new, 1))
-        for command in ("validate", "rehearse"):
-            refused(gap(command), f"fake/{name}", word)
+        for command, code in (("skills list", 0), ("tools list", 0), ("skills show fake", 1), ("validate", 1)):
+            done = gap(*command.split())
+            assert done.code == code, (command, done.err)
+            warned = [line for line in done.lines if line.startswith("warning: skill fake left out")]
+            assert len(warned) == (command != "tools list")
+            for said in warned:
+                assert f"fake/{name}" in said and word in said and "plugin 'little_cell'" in said
     finally:
         file.write_text(good)
-    assert tree(run.path) == before
+
+
+def test_a_malformed_task_leaves_the_other_tasks(gap, little_cell, plugin_folder):
+    file = plugin_folder / "little_cell/tasks/little/task.yaml"
+    good = file.read_text()
+    try:
+        file.write_text("name: [")
+        done = gap("tasks", "list")
+        assert done.code == 0 and "fulfill-grocery" in done.out and len(done.lines) == 1
+        assert "task little left out" in done.err and "little/task.yaml" in done.err and "'little_cell'" in done.err
+        assert gap(*GROCERY).code == 0
+    finally:
+        file.write_text(good)
+
+
+@pytest.mark.parametrize("file", ["skills/fake/SKILL.md", "skills/fake/contract.yaml", "tasks/little/task.yaml"])
+def test_a_byte_order_mark_is_harmless(gap, little_cell, plugin_folder, file):
+    file = plugin_folder / "little_cell" / file
+    good = file.read_bytes()
+    try:
+        file.write_bytes(b"\xef\xbb\xbf" + good)
+        for arguments in (("skills", "show", "fake"), ("tasks", "show", "little")):
+            done = gap(*arguments)
+            assert done.code == 0 and done.err == ""
+    finally:
+        file.write_bytes(good)
 
 
 @pytest.mark.parametrize("name", ["run.yaml", "plan/plan.json", "validate/findings.json", "generate/workflow.json"])

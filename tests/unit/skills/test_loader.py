@@ -101,7 +101,7 @@ TRAPS = {
     "zero width": (head(description="a\u200bb"), "U+200B"),
     "right-to-left override": (head(description="a\u202eb"), "U+202E"),
     "NUL": (head(description="a\0b"), "U+0000"),
-    "byte order mark": ("\ufeff" + head(), "U+FEFF"),
+    "byte order mark inside": (head(description="a\ufeffb"), "U+FEFF"),
     "no contract": ("---\nname: pour-cup\ndescription: x\n---\nbody\n", "gap-contract"),
     "metadata not text": (head().replace("contract.yaml", "7"), "string"),
 }
@@ -218,17 +218,17 @@ def test_two_skills_of_one_name_name_both_plugins(skill, tmp_path):
 
 
 @pytest.mark.parametrize("make", ["nothing", "file", "empty"])
-def test_a_registered_path_without_skills_is_an_error(tmp_path, make):
+def test_a_registered_path_without_skills_is_left_out(tmp_path, make, caplog):
     path = tmp_path / "x"
     if make == "file":
         path.write_text("")
     elif make == "empty":
         path.mkdir()
-    with pytest.raises(DocumentError, match="'cups'"):
-        load_library([(path, "cups")])
+    assert list(load_library([(path, "cups")]).left_out) == ["x"]
+    assert str(path) in caplog.text and "'cups'" in caplog.text
 
 
-def test_a_contract_without_its_skill_md_is_an_error(skill):
+def test_a_contract_without_its_skill_md_is_left_out_and_named(skill):
     (skill / "SKILL.md").unlink()
-    with pytest.raises(DocumentError, match="does not exist"):
-        load_library([(skill.parent, "cups")])
+    with pytest.raises(PluginError, match=r"does not exist \(plugin 'cups'\)"):
+        load_library([(skill.parent, "cups")]).find("pour-cup")
