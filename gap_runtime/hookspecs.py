@@ -29,7 +29,7 @@ def gap_register_tools(register: Register) -> None:
 
 
 @hookspec
-def gap_register_worlds(register: Register) -> None:
+def gap_register_cells(register: Register) -> None:
     """register(name, factory): factory(task, scene, robots) -> World, robots mapping model name to RobotSpec."""
 
 

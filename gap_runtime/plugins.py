@@ -34,7 +34,7 @@ FIRST_PARTY = (
     "gap_cli.bench",
     "morsl",
 )
-ENTRY_KINDS = ("worlds", "robots", "authors", "policies", "engines", "benchmarks", "checks", "preparations")
+ENTRY_KINDS = ("cells", "robots", "authors", "policies", "engines", "benchmarks", "checks", "preparations")
 log = logging.getLogger(__name__)
 
 
@@ -78,7 +78,7 @@ class Registry:
     choices: dict[str, str] = field(default_factory=dict)
     skill_paths: list[tuple[Path, str]] = field(default_factory=list)
     task_paths: list[tuple[Path, str]] = field(default_factory=list)
-    worlds: dict[str, Entry] = field(default_factory=dict)
+    cells: dict[str, Entry] = field(default_factory=dict)
     robots: dict[str, Entry] = field(default_factory=dict)
     authors: dict[str, Entry] = field(default_factory=dict)
     policies: dict[str, Entry] = field(default_factory=dict)

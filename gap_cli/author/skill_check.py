@@ -10,10 +10,10 @@ from gap_cli.author.build import Generated, draft
 from gap_cli.author.plans import Plan, PlanData, Segment
 from gap_cli.author.steps import literal_source
 from gap_cli.skills import SkillBundle, SkillLibrary
+from gap_runtime.contracts.cell import Cell
 from gap_runtime.contracts.documents import read_text
 from gap_runtime.contracts.skill import NAME_SLOT, SkillContract
 from gap_runtime.contracts.tool import Tool, ToolSpec
-from gap_runtime.contracts.world import World
 from gap_runtime.errors import GapError, WorkflowError, did_you_mean
 from gap_runtime.graph.compile import compile_workflow
 from gap_runtime.graph.findings import Finding
@@ -104,7 +104,7 @@ def _literal(contract: SkillContract, name: str, labels: Mapping[str, str], role
     return labels[roles[role]] if what == "name" else _LITERALS.get(contract.literals[name], "thing")
 
 
-def run_alone(bundle: SkillBundle, tools: Mapping[str, Tool], world: World, folder: Path) -> RunResult:
+def run_alone(bundle: SkillBundle, tools: Mapping[str, Tool], world: Cell, folder: Path) -> RunResult:
     """Run the graph of this one skill, which must take no inputs, in `world`; its scripts are written to `folder`.
 
     For tests of skills. Raises what generating raises, and `WorkflowError` for a graph the validator refuses.
@@ -117,4 +117,4 @@ def run_alone(bundle: SkillBundle, tools: Mapping[str, Tool], world: World, fold
         (folder / path).write_text(text, encoding="utf-8")
     canonical = SkillLibrary([bundle]).canonical_scripts(made.workflow, folder)
     graph = compile_workflow(made.workflow, folder, tools, {bundle.name: bundle.contract}, canonical)
-    return run_graph(graph, RunSetup(world=world))
+    return run_graph(graph, RunSetup(cell=world))

@@ -15,14 +15,14 @@ from gap_cli.rehearse.rows import SCHEMA, lost_row
 from gap_runtime.contracts.encoding.codec import to_plain
 from gap_runtime.contracts.engine import EpisodeResult
 from gap_runtime.contracts.failures import GapError, SimulationDivergedError, TaskInfeasibleError
-from gap_runtime.contracts.world import Instance, World
+from gap_runtime.contracts.simulator import Instance, Simulator
 from gap_runtime.run.events import Observer
 from gap_runtime.run.execute import RunResult, RunSetup, run_graph
 
 
 def run_episode(
     prepared: Prepared,
-    world: World,
+    simulator: Simulator,
     setup: RunSetup,
     observers: Sequence[Observer] = (),
     on_reset: Callable[[], None] = lambda: None,
@@ -35,19 +35,19 @@ def run_episode(
     start = time.perf_counter()
     seed = setup.seed
     try:
-        instance = world.sample(seed)
-        world.reset(instance)
+        instance = simulator.sample(seed)
+        simulator.reset(instance)
     except TaskInfeasibleError as error:
         return _lost(seed, "infeasible", error), True
     except SimulationDivergedError as error:
         return _lost(seed, "diverged", error), False
-    began, reset_s = world.time, time.perf_counter() - start
+    began, reset_s = simulator.time, time.perf_counter() - start
     on_reset()
-    watch = Watch(world, prepared.graph, prepared.checkpoints, prepared.conditions.objects)
+    watch = Watch(simulator, prepared.graph, prepared.checkpoints, prepared.conditions.objects)
     try:
         result = run_graph(prepared.graph, setup, [watch, *observers])
-        motion = world.time - began
-        verdict = judge(world, prepared.conditions)
+        motion = simulator.time - began
+        verdict = judge(simulator, prepared.conditions)
         diverged = _divergence(result)
     except SimulationDivergedError as error:
         diverged = error

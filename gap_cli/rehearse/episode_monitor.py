@@ -12,8 +12,8 @@ from typing import Any
 from gap_cli.rehearse.state_diff import changes
 from gap_runtime.contracts.encoding.codec import to_plain
 from gap_runtime.contracts.failures import BadRequestError, GapError
+from gap_runtime.contracts.simulator import Simulator
 from gap_runtime.contracts.snapshot import WorldSnapshot
-from gap_runtime.contracts.world import World
 from gap_runtime.graph.checkpoints import Checkpoint, evaluate
 from gap_runtime.graph.compiled import CompiledGraph
 from gap_runtime.run.events import Event
@@ -27,7 +27,7 @@ class Watch:
 
     def __init__(
         self,
-        world: World,
+        simulator: Simulator,
         graph: CompiledGraph,
         checkpoints: Mapping[str, tuple[Checkpoint, ...]],
         objects: Sequence[str] = (),
@@ -36,7 +36,7 @@ class Watch:
         self.subgraphs: list[dict[str, Any]] = []
         self.computed: dict[str, float] = {}
         self.failed: dict[str, str] = {}  # code of the error each failed node ended with
-        self._world, self._checkpoints, self._objects = world, checkpoints, objects
+        self._simulator, self._checkpoints, self._objects = simulator, checkpoints, objects
         self._tops = {node.name: node.subgraph for node in graph.nodes if node.subgraph is not None}
         self._before: dict[str, WorldSnapshot] = {}
         self._entered: dict[str, float] = {}
@@ -46,7 +46,7 @@ class Watch:
         """Take note of one event."""
         match event.kind:
             case "subgraph_entered":
-                self._entered[event.path] = self._world.time
+                self._entered[event.path] = self._simulator.time
             case "node_started":
                 self._before[event.path] = self._snapshot()
             case "node_finished" | "node_failed" | "node_cancelled":
@@ -77,7 +77,7 @@ class Watch:
         points = {p.name: self._checkpoint(p) for p in self._checkpoints.get(subgraph.ref, ())}
         ok = name in subgraph.success_values
         kept = all(point["passed"] for point in points.values() if point["validate"])
-        now = self._world.time
+        now = self._simulator.time
         self.subgraphs.append({
             "node": event.path, "exit": name, "ok": ok, "passed": ok and kept,
             "motion_s": now - self._entered.pop(event.path, now), "checkpoints": points,
@@ -91,8 +91,8 @@ class Watch:
 
     def _snapshot(self) -> WorldSnapshot:
         """Ground truth now. Physics moves only while world time passes, so one look per instant is enough."""
-        if self._last is None or self._last.time != self._world.time:
-            self._last = self._world.snapshot()
+        if self._last is None or self._last.time != self._simulator.time:
+            self._last = self._simulator.snapshot()
         return self._last
 
 

@@ -1,4 +1,4 @@
-"""What a worker keeps between episodes: the compiled graph and one world, reset for every instance."""
+"""What a worker keeps between episodes: the compiled graph and one simulator, reset for every instance."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from gap_cli.rehearse.recording.frames import save_frame
 from gap_cli.rehearse.warm import warm_up
 from gap_cli.workspace.recording_paths import recording_path
 from gap_cli.workspace.run import Run
+from gap_runtime.contracts.cell import CellFrame
 from gap_runtime.contracts.engine import EpisodeResult, RehearsalJob
-from gap_runtime.contracts.world import World, WorldFrame
+from gap_runtime.contracts.simulator import Simulator
 from gap_runtime.errors import UnknownNameError
 from gap_runtime.graph.checkpoints import evaluate
 from gap_runtime.run.context import ScriptRunner
@@ -31,7 +32,7 @@ class Stage:
 
     job: RehearsalJob
     prepared: Prepared
-    world: World
+    simulator: Simulator
     jail: ScriptRunner | None
 
     @classmethod
@@ -40,7 +41,7 @@ class Stage:
         prepared = prepare(Run(job.run), job.workflow)
         inventory = prepared.inventory
         warm_up(inventory.registry, inventory.task, frozenset(tools_used(prepared.graph)))
-        return cls(job, prepared, make_world(prepared), open_jail(prepared))
+        return cls(job, prepared, make_simulator(prepared), open_jail(prepared))
 
     def roll(self, seed: int) -> EpisodeResult:
         """Roll out one seed, with pictures and a recording where the job asks for them."""
@@ -53,49 +54,49 @@ class Stage:
 
         observers = [recording.recorder.on_event] if recording is not None else []
         try:
-            result, sound = run_episode(self.prepared, self.world, self._setup(seed), observers, on_reset)
+            result, sound = run_episode(self.prepared, self.simulator, self._setup(seed), observers, on_reset)
         finally:
             if recording is not None:
                 recording.stop()
         if sound:
             self._picture(seed, "last")
         else:
-            self.world.close()
-            self.world = make_world(self.prepared)
+            self.simulator.close()
+            self.simulator = make_simulator(self.prepared)
         return result
 
     def _setup(self, seed: int) -> RunSetup:
-        return make_setup(self.prepared, self.world, seed, self.jail)
+        return make_setup(self.prepared, self.simulator, seed, self.jail)
 
     def _picture(self, seed: int, which: str) -> None:
-        if self.job.frames and self.world.camera_names:
-            save_frame(self.world, self.job.output, seed, which)
+        if self.job.frames and self.simulator.camera_names:
+            save_frame(self.simulator, self.job.output, seed, which)
 
 
-def make_setup(prepared: Prepared, world: World, seed: int, jail: ScriptRunner | None) -> RunSetup:
+def make_setup(prepared: Prepared, simulator: Simulator, seed: int, jail: ScriptRunner | None) -> RunSetup:
     """How an episode is run: held to world time alone, so that a busy machine does not change what is found."""
     task, registry = prepared.inventory.task, prepared.inventory.registry
 
     def broken(node: str, ref: str, end: str) -> list[str]:
-        snapshot = world.snapshot()
+        snapshot = simulator.snapshot()
         points = [p for p in prepared.checkpoints.get(ref, ()) if p.validate]
         return [p.name for p in points if evaluate(p.predicate, snapshot) is not True]
 
     return RunSetup(
-        world=world, task=task, robots=tuple(registry.robot(placement.model) for placement in task.robots), seed=seed,
+        cell=simulator, task=task, robots=tuple(registry.robot(p.model) for p in task.robots), seed=seed,
         script_runner=jail, world_budget_s=task.max_time, lockstep=True, checkpoints=broken,
     )  # fmt: skip
 
 
-def make_world(prepared: Prepared) -> World:
+def make_simulator(prepared: Prepared) -> Simulator:
     """The task's world with the run's scene in it. Raises `UnknownNameError`, `EnvironmentSetupError`, ..."""
     inventory = prepared.inventory
-    name, worlds = inventory.task.environment.world, inventory.registry.worlds
-    if name not in worlds:
-        raise UnknownNameError("world", name, worlds)
-    factory: Callable[..., Any] = worlds[name].value
-    world: World = factory(inventory.task, prepared.scene, inventory.robots)
-    return world
+    name, cells = inventory.task.environment.simulator, inventory.registry.cells
+    if name not in cells:
+        raise UnknownNameError("simulator", name, cells)
+    factory: Callable[..., Any] = cells[name].value
+    simulator: Simulator = factory(inventory.task, prepared.scene, inventory.robots)
+    return simulator
 
 
 def open_jail(prepared: Prepared) -> ScriptRunner | None:
@@ -115,7 +116,7 @@ class _Recording:
 
         inventory = stage.prepared.inventory
         task = inventory.task
-        self._world = stage.world
+        self._simulator = stage.simulator
         self._unsubscribe: Callable[[], None] | None = None
         self.recorder: McapRecorder = McapRecorder(
             recording_path(stage.job.output, seed),
@@ -125,9 +126,9 @@ class _Recording:
 
     def start(self) -> None:
         """From the instant the instance stands."""
-        world = self._world
-        self.recorder.on_frame(WorldFrame(world.time, world.observe(), world.snapshot()))
-        self._unsubscribe = world.subscribe(self.recorder.on_frame, RECORD_HZ, world.camera_names)
+        simulator = self._simulator
+        self.recorder.on_frame(CellFrame(simulator.time, simulator.observe(), simulator.snapshot()))
+        self._unsubscribe = simulator.subscribe(self.recorder.on_frame, RECORD_HZ, simulator.camera_names)
 
     def stop(self) -> None:
         """Finish the file."""

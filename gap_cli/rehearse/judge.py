@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from gap_runtime.contracts.failures import DocumentError
+from gap_runtime.contracts.simulator import Simulator
 from gap_runtime.contracts.snapshot import WorldSnapshot
 from gap_runtime.contracts.task import Task
-from gap_runtime.contracts.world import World
 from gap_runtime.graph.checkpoints import evaluate
 
 SETTLE_LIMIT_S = 3.0  # of world time: what rolls longer than this after release has not been placed
@@ -53,21 +53,21 @@ def make_conditions(task: Task, goals: Sequence[Mapping[str, str]]) -> Condition
     return Conditions(filled, tuple(objects))
 
 
-def settle(world: World, objects: Sequence[str]) -> bool:
+def settle(simulator: Simulator, objects: Sequence[str]) -> bool:
     """Let world time pass until the objects are let go and at rest; False when `SETTLE_LIMIT_S` was not enough."""
     still = 0
     for _ in range(round(SETTLE_LIMIT_S / SETTLE_STEP_S)):
-        still = still + 1 if _resting(world.snapshot(), objects) else 0
+        still = still + 1 if _resting(simulator.snapshot(), objects) else 0
         if still >= STILL_STEPS:
             return True
-        world.wait(SETTLE_STEP_S)
-    return _resting(world.snapshot(), objects)
+        simulator.wait(SETTLE_STEP_S)
+    return _resting(simulator.snapshot(), objects)
 
 
-def judge(world: World, conditions: Conditions) -> Verdict:
+def judge(simulator: Simulator, conditions: Conditions) -> Verdict:
     """Wait for rest, then read every condition off the ground truth."""
-    at_rest = settle(world, conditions.objects)
-    snapshot = world.snapshot()
+    at_rest = settle(simulator, conditions.objects)
+    snapshot = simulator.snapshot()
     values = {name: bool(evaluate(text, snapshot)) for name, text in conditions.expressions.items()}
     return Verdict(values, at_rest)
 

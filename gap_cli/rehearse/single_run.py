@@ -26,14 +26,14 @@ SCHEMA = "gap/result/v1"
 
 @dataclass(frozen=True)
 class Once:
-    """How the run ended. `data` is result.json; `success` what the graph claims, and, in a world, what is true."""
+    """How the run ended. `data` is result.json; `success` what the graph claims, and, in a simulator, what is true."""
 
     data: dict[str, Any]
     folder: Path
 
     @property
     def success(self) -> bool:
-        """True when the graph reached success and, where there was a world, the task's conditions hold."""
+        """True when the graph reached success and, where there was a simulator, the task's conditions hold."""
         return bool(self.data["success"])
 
     @property
@@ -100,16 +100,16 @@ def _simulated(
     prepared: Prepared, seed: int, observers: Sequence[Observer], film_folder: Path | None
 ) -> dict[str, Any]:
     from gap_cli.rehearse.episode import run_episode
-    from gap_cli.rehearse.episode_runner import make_setup, make_world, open_jail
+    from gap_cli.rehearse.episode_runner import make_setup, make_simulator, open_jail
     from gap_cli.rehearse.recording.video import Film
 
-    world = make_world(prepared)
-    film = None if film_folder is None else Film(world, film_folder / VIDEO)
+    simulator = make_simulator(prepared)
+    film = None if film_folder is None else Film(simulator, film_folder / VIDEO)
     try:
-        setup = make_setup(prepared, world, seed, open_jail(prepared))
-        episode, _ = run_episode(prepared, world, setup, observers, film.start if film else lambda: None)
+        setup = make_setup(prepared, simulator, seed, open_jail(prepared))
+        episode, _ = run_episode(prepared, simulator, setup, observers, film.start if film else lambda: None)
     finally:
         made = film.stop() if film else None
-        world.close()
+        simulator.close()
     row = {key: value for key, value in episode.row.items() if key not in ("schema", "seed")}
     return {**row, "film": {"video": VIDEO, "began": film.began} if film and made else None}

@@ -60,9 +60,9 @@ def named_index(answer: str, count: int) -> int | None:
     return int(found[1]) - 1 if found is not None and 1 <= int(found[1]) <= count else None
 
 
-def points_around(world: WorldConfig) -> Array:
+def points_around(cell: WorldConfig) -> Array:
     """Points (N, 3) [m] of everything seen but the target itself; supports have none."""
-    clouds = [o.points for o in world.obstacles if o.points is not None and o.name != "target"]
+    clouds = [o.points for o in cell.obstacles if o.points is not None and o.name != "target"]
     return np.concatenate([np.zeros((0, 3)), *clouds])
 
 

@@ -80,7 +80,7 @@ class BodyView:
     """The questions one may ask of a body. Distances in metres."""
 
     def __init__(self, world: WorldSnapshot, state: BodyState) -> None:
-        self._world, self._state = world, state
+        self._cell, self._state = world, state
 
     @property
     def x(self) -> float:
@@ -107,12 +107,12 @@ class BodyView:
 
     def lifted(self) -> float:
         """How far the origin has risen since reset."""
-        start = self._world.start
+        start = self._cell.start
         return 0.0 if start is None else self.z - start.bodies[self._state.name].pose.position.z
 
     def moved(self) -> float:
         """How far the origin has moved since reset."""
-        start = self._world.start
+        start = self._cell.start
         if start is None:
             return 0.0
         return float(np.linalg.norm(self._position - start.bodies[self._state.name].pose.position.array))
@@ -127,7 +127,7 @@ class BodyView:
 
     def tilt_deg(self) -> float:
         """Angle between its own z axis now and at reset."""
-        start = self._world.start
+        start = self._cell.start
         if start is None:
             return 0.0
         up = [s.rotation.rotation.apply([0, 0, 1]) for s in (self._state.pose, start.bodies[self._state.name].pose)]

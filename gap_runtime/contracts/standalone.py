@@ -8,19 +8,19 @@ from typing import Any
 
 from gap_runtime.contracts.failures import UnknownNameError
 from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.contracts.simulator import Simulator
 from gap_runtime.contracts.task import Task
 from gap_runtime.contracts.tool import Tool
-from gap_runtime.contracts.world import World
 
 
 @dataclass
-class Cell:
+class StandaloneContext:
     """A `ToolContext` over one world, and a script's context too: `tool` calls any of `tools`.
 
     `state` is an episode's: clear it, or make a new cell, at each reset. `made` outlives episodes.
     """
 
-    world: World
+    cell: Simulator
     task: Task
     robots: Mapping[str, RobotSpec]
     tools: Mapping[str, Tool]

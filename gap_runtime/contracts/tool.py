@@ -16,11 +16,11 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any, Literal, Protocol
 
+from gap_runtime.contracts.cell import Cell
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.task import Task
 from gap_runtime.contracts.types import CONTRACT_TYPES
 from gap_runtime.contracts.types.typeref import TypeRef
-from gap_runtime.contracts.world import World
 
 Effect = Literal["pure", "sense", "actuate"]
 REQUIRED = inspect.Parameter.empty
@@ -31,10 +31,13 @@ _NAME = re.compile(r"^[a-z][a-z0-9_]*\.[A-Z][A-Za-z0-9]*$")
 class ToolContext(Protocol):
     """What a tool may use. Everything here is what a real robot cell would offer."""
 
-    world: World
     task: Task
     state: dict[str, Any]  # per-episode memory of stateful providers (trackers, ...); empty at reset
     seed: int  # of this episode; seed every random choice from it
+
+    @property
+    def cell(self) -> Cell:
+        """The robot cell."""
 
     def robot(self, arm_id: int = 0) -> RobotSpec:
         """The spec of one arm."""

@@ -11,6 +11,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any, Protocol
 
+from gap_runtime.contracts.cell import Cell
 from gap_runtime.contracts.failures import (
     BadRequestError,
     GapError,
@@ -21,11 +22,10 @@ from gap_runtime.contracts.failures import (
 )
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.task import Task
-from gap_runtime.contracts.world import World
 from gap_runtime.graph.compiled import Callee
 from gap_runtime.graph.values import require_finite
 from gap_runtime.run.attempt import Attempt
-from gap_runtime.run.guard import GuardedWorld
+from gap_runtime.run.guard import GuardedCell
 from gap_runtime.run.leases import Leases
 
 
@@ -71,7 +71,7 @@ class Services:
     """What every node of one run shares. `settling` guards who decides how an attempt ended."""
 
     callees: Mapping[str, Callee]
-    world: World | None
+    cell: Cell | None
     task: Task | None
     robots: tuple[RobotSpec, ...]
     seed: int
@@ -88,21 +88,21 @@ class Services:
 class NodeContext:
     """Handed to tools and scripts as `ctx`. `allowed` are the tools this code may call."""
 
-    __slots__ = ("_allowed", "_attempt", "_services", "_world")
+    __slots__ = ("_allowed", "_attempt", "_cell", "_services")
 
     def __init__(self, services: Services, attempt: Attempt, allowed: frozenset[str]) -> None:
         self._services, self._attempt, self._allowed = services, attempt, allowed
-        self._world: GuardedWorld | None = None
+        self._cell: GuardedCell | None = None
 
     @property
-    def world(self) -> World:
-        """The cell, as far as this node may touch it. Raises `ToolError` code `no_world` in a run without one."""
-        if self._services.world is None:
-            raise ToolError("no_world", "This run has no world.", hint="Run it with one, or with --dry.")
+    def cell(self) -> Cell:
+        """The cell, as far as this node may touch it. Raises `ToolError` code `no_cell` in a run without one."""
+        if self._services.cell is None:
+            raise ToolError("no_cell", "This run has no cell.", hint="Run it with one, or with --dry.")
         self._attempt.apart = True
-        if self._world is None:
-            self._world = GuardedWorld(self._services.world, self._attempt, self._services.leases)
-        return self._world
+        if self._cell is None:
+            self._cell = GuardedCell(self._services.cell, self._attempt, self._services.leases)
+        return self._cell
 
     @property
     def task(self) -> Task:
@@ -273,8 +273,8 @@ def _narrow(services: Services, attempt: Attempt, callee: Callee) -> None:
     deadline = monotonic() + callee.deadline_s * services.patience
     if deadline < attempt.deadline:
         attempt.deadline, attempt.deadline_s, attempt.tool = deadline, callee.deadline_s, callee.name
-    if services.world is not None and callee.effect != "pure":
-        now = services.world.time
+    if services.cell is not None and callee.effect != "pure":
+        now = services.cell.time
         if attempt.world_deadline == math.inf and not attempt.node.streaming:
             attempt.world_deadline = now + attempt.node.deadline_s
         attempt.world_deadline = min(attempt.world_deadline, now + callee.deadline_s)

@@ -12,7 +12,7 @@ from time import monotonic
 from types import MappingProxyType
 from typing import Any, Literal
 
-from gap_runtime.contracts.world import World
+from gap_runtime.contracts.cell import Cell
 from gap_runtime.run.attempt import Attempt
 
 log = logging.getLogger(__name__)
@@ -42,9 +42,9 @@ Observer = Callable[[Event], None]
 class Emitter:
     """Numbers events and hands them to each observer in turn. False when nobody listens."""
 
-    def __init__(self, observers: Sequence[Observer], world: World | None) -> None:
+    def __init__(self, observers: Sequence[Observer], cell: Cell | None) -> None:
         self._observers = list(observers)
-        self._world = world
+        self._cell = cell
         self._start = monotonic()
         self._seq = 0
         self.essential_errors: list[Exception] = []
@@ -56,7 +56,7 @@ class Emitter:
         """Send one event. An observer that raises is dropped; if it is `essential` the run ends with its error."""
         if not self._observers:
             return
-        world_time = None if self._world is None else self._world.time
+        world_time = None if self._cell is None else self._cell.time
         event = Event(self._seq, monotonic() - self._start, kind, path, world_time, MappingProxyType(data))
         self._seq += 1
         for observer in tuple(self._observers):

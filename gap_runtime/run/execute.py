@@ -7,10 +7,10 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from gap_runtime.contracts.cell import Cell
 from gap_runtime.contracts.failures import GapError
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.task import Task
-from gap_runtime.contracts.world import World
 from gap_runtime.errors import ExecutionError
 from gap_runtime.graph.compiled import CompiledGraph
 from gap_runtime.run.context import SHARED, ScriptRunner, Services, SharedStore
@@ -33,7 +33,7 @@ class RunSetup:
     budget_s           wall time the whole run may take; recovery_budget_s: each recovery.
     world_budget_s     world time the whole run may take.
     patience           how many wall seconds a node gets per second of its deadline. World time is always held to the
-                       deadline itself. Default: 1 for a world with `real_time = True` and for none, else 20, because
+                       deadline itself. Default: 1 for a cell with `real_time` and for none, else 20, because
                        a simulator on a busy machine is slow without the robot being late.
     grace_s            how long a node that was told to stop may take before its thread is abandoned.
     lockstep           let siblings before a failed node (in order) finish, and world time wait for streaming nodes, so
@@ -44,7 +44,7 @@ class RunSetup:
     shuffle            permutes the order in which parallel branches start; a test's tool.
     """
 
-    world: World | None = None
+    cell: Cell | None = None
     task: Task | None = None
     robots: tuple[RobotSpec, ...] = ()
     seed: int = 0
@@ -102,24 +102,24 @@ def run_graph(graph: CompiledGraph, setup: RunSetup, observers: Sequence[Observe
     observer raised. Observers are called on the thread that runs the graph, never on the caller's.
     """
     _require(graph, setup)
-    world = setup.world
-    emitter = Emitter(observers, world)
+    cell = setup.cell
+    emitter = Emitter(observers, cell)
     services = Services(
-        graph.callees, world, setup.task, setup.robots or _robots(world), setup.seed, setup.script_runner,
+        graph.callees, cell, setup.task, setup.robots or _robots(cell), setup.seed, setup.script_runner,
         setup.shared, _patience(setup), record_calls=bool(observers), lockstep=setup.lockstep,
     )  # fmt: skip
     checkpoints = setup.checkpoints if _enforces_checkpoints(graph) else None
     course = Course(graph, services, emitter, checkpoints)
     scheduler = Scheduler(
         course, setup.pool or shared_pool(), lockstep=setup.lockstep, shuffle=setup.shuffle,
-        world_deadline=None if world is None or setup.world_budget_s is None else world.time + setup.world_budget_s,
+        world_deadline=None if cell is None or setup.world_budget_s is None else cell.time + setup.world_budget_s,
     )  # fmt: skip
     emitter.emit("run_started", "", graph=graph.name, seed=setup.seed)
     Supervisor(
         scheduler, cancel=setup.cancel, budget_s=setup.budget_s, recovery_budget_s=setup.recovery_budget_s,
         grace_s=setup.grace_s, heartbeat=setup.heartbeat,
     ).run()  # fmt: skip
-    _let_arms_finish(world, course.outcome)
+    _let_arms_finish(cell, course.outcome)
     result = _result(course.outcome)
     emitter.emit("run_finished", "", status=result.status, end=result.end, error=result.error)
     for error in emitter.essential_errors:
@@ -127,9 +127,9 @@ def run_graph(graph: CompiledGraph, setup: RunSetup, observers: Sequence[Observe
     return result
 
 
-def _let_arms_finish(world: World | None, outcome: Outcome) -> None:
+def _let_arms_finish(cell: Cell | None, outcome: Outcome) -> None:
     """A motion that no node waited for is part of the run: its time counts, and a run that it fails is no success."""
-    for arm in world.arms if world is not None and outcome.status == "success" else ():
+    for arm in cell.arms if cell is not None and outcome.status == "success" else ():
         try:
             arm.finish()
         except GapError as error:
@@ -165,11 +165,11 @@ def _enforces_checkpoints(graph: CompiledGraph) -> bool:
     return not graph.dry and graph.workflow.meta.get("validate_checkpoints", "").lower() == "true"
 
 
-def _robots(world: World | None) -> tuple[RobotSpec, ...]:
-    return () if world is None else tuple(arm.spec for arm in world.arms)
+def _robots(cell: Cell | None) -> tuple[RobotSpec, ...]:
+    return () if cell is None else tuple(arm.spec for arm in cell.arms)
 
 
 def _patience(setup: RunSetup) -> float:
     if setup.patience is not None:
         return setup.patience
-    return 1.0 if setup.world is None or getattr(setup.world, "real_time", False) else SIMULATED_PATIENCE
+    return 1.0 if setup.cell is None or setup.cell.real_time else SIMULATED_PATIENCE

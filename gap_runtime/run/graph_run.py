@@ -204,7 +204,7 @@ class Course:
         self.frames[node.index] = Frame(node.index, node.name, node.recovery, {}, self._observations.stream, self._ids)
 
     def _stop_failed(self) -> bool:
-        problems = stop_arms(self.services.world)
+        problems = stop_arms(self.services.cell)
         if problems:
             self.outcome.failures.append(("", ExecutionError("; ".join(problems), (), hint="Stop the robot by hand.")))
         return bool(problems)

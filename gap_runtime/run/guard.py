@@ -8,62 +8,63 @@ from contextlib import contextmanager
 from time import monotonic
 from typing import Any
 
+from gap_runtime.contracts.cell import Arm, Cell, CellFrame, LockstepCell, Setpoint
 from gap_runtime.contracts.failures import MotionError, PrivilegedReadError, ToolError
 from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.contracts.simulator import Instance
 from gap_runtime.contracts.snapshot import WorldSnapshot
 from gap_runtime.contracts.types import ArmState, GripperState, Observation, Se3Pose, Trajectory
-from gap_runtime.contracts.world import Arm, Instance, LockstepWorld, Setpoint, World, WorldFrame
 from gap_runtime.run.attempt import Attempt, deadline_error
 from gap_runtime.run.leases import CLOCK, Leases
 
 
-class GuardedWorld:
+class GuardedCell:
     """A `World` for one attempt. What a robot could not do (`reset`, `snapshot`) raises `PrivilegedReadError`."""
 
-    def __init__(self, world: World, attempt: Attempt, leases: Leases) -> None:
-        self._world, self._attempt, self._leases = world, attempt, leases
+    def __init__(self, cell: Cell, attempt: Attempt, leases: Leases) -> None:
+        self._cell, self._attempt, self._leases = cell, attempt, leases
         if attempt.world_deadline == math.inf and not attempt.node.streaming:
-            attempt.world_deadline = world.time + attempt.deadline_s
+            attempt.world_deadline = cell.time + attempt.deadline_s
 
     @property
     def arms(self) -> tuple[GuardedArm, ...]:
         """By arm_id."""
-        return tuple(GuardedArm(arm, i, self) for i, arm in enumerate(self._world.arms))
+        return tuple(GuardedArm(arm, i, self) for i, arm in enumerate(self._cell.arms))
 
     @property
     def time(self) -> float:
         """World time [s]."""
-        return self._world.time
+        return self._cell.time
 
     @property
     def camera_names(self) -> tuple[str, ...]:
         """All cameras."""
-        return self._world.camera_names
+        return self._cell.camera_names
 
     def observe(self, cameras: Sequence[str] | None = None) -> Observation:
         """RGB-D of the named cameras and the arms' states."""
         with self.inside():
-            return self._world.observe(cameras)
+            return self._cell.observe(cameras)
 
     def camera_pose(self, name: str) -> Se3Pose:
         """T_world_camera (optical)."""
         with self.inside():
-            return self._world.camera_pose(name)
+            return self._cell.camera_pose(name)
 
     def wait(self, seconds: float) -> None:
         """Let world time pass; only for a node that moves things."""
         with self.inside(CLOCK):
-            self._world.wait(seconds)
+            self._cell.wait(seconds)
 
     def execute(self, motions: Mapping[int, Trajectory], *, tolerance: float = 0.01) -> None:
         """Move several arms at once; needs the lease of each. Raises `MotionError` (`unsupported`)."""
-        if not isinstance(self._world, LockstepWorld):
+        if not isinstance(self._cell, LockstepCell):
             raise MotionError("unsupported", "This world cannot move several arms at once.", hint="Move one by one.")
         with self.inside(*(f"arm:{arm_id}" for arm_id in sorted(motions))):
-            self._world.execute(motions, tolerance=tolerance)
+            self._cell.execute(motions, tolerance=tolerance)
 
     def subscribe(
-        self, listener: Callable[[WorldFrame], None], hz: float, cameras: Sequence[str] = ()
+        self, listener: Callable[[CellFrame], None], hz: float, cameras: Sequence[str] = ()
     ) -> Callable[[], None]:
         """Not for nodes: they read `in.observation_stream`."""
         raise self._privileged("the world's own frames")
@@ -102,7 +103,7 @@ class GuardedWorld:
         finally:
             attempt.world_wall_s += monotonic() - start
         attempt.check()
-        if self._world.time > attempt.world_deadline:
+        if self._cell.time > attempt.world_deadline:
             raise deadline_error(attempt)
 
     def _privileged(self, what: str) -> PrivilegedReadError:
@@ -114,14 +115,14 @@ class GuardedWorld:
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
-        return getattr(self._world, name)  # a provider made for one world may use what it adds
+        return getattr(self._cell, name)  # a provider made for one world may use what it adds
 
 
 class GuardedArm:
     """An `Arm` that obeys one attempt, while it holds the arm."""
 
-    def __init__(self, arm: Arm, arm_id: int, world: GuardedWorld) -> None:
-        self._arm, self._id, self._world = arm, arm_id, world
+    def __init__(self, arm: Arm, arm_id: int, cell: GuardedCell) -> None:
+        self._arm, self._id, self._cell = arm, arm_id, cell
 
     @property
     def spec(self) -> RobotSpec:
@@ -135,34 +136,34 @@ class GuardedArm:
 
     def state(self) -> ArmState:
         """Joints, gripper and forward kinematics."""
-        with self._world.inside():
+        with self._cell.inside():
             return self._arm.state()
 
     def execute(self, trajectory: Trajectory, *, tolerance: float = 0.01) -> None:
         """Track a joint trajectory; needs the lease of this arm."""
-        with self._world.inside(f"arm:{self._id}"):
+        with self._cell.inside(f"arm:{self._id}"):
             self._arm.execute(trajectory, tolerance=tolerance)
 
     def start(self, trajectory: Trajectory, *, tolerance: float = 0.01, replace: bool = False) -> None:
         """Begin to track a joint trajectory; needs the lease of this arm now, not for as long as it moves."""
-        with self._world.inside(f"arm:{self._id}"):
+        with self._cell.inside(f"arm:{self._id}"):
             self._arm.start(trajectory, tolerance=tolerance, replace=replace)
 
     def finish(self) -> None:
         """Let what was started come to its end; needs the lease of this arm."""
-        with self._world.inside(f"arm:{self._id}"):
+        with self._cell.inside(f"arm:{self._id}"):
             self._arm.finish()
 
     def setpoint(self) -> Setpoint:
         """Where the controller wants the joints."""
-        with self._world.inside():
+        with self._cell.inside():
             return self._arm.setpoint()
 
     def set_gripper(
         self, width: float, *, force: float | None = None, settle: float = 0.5, wait: bool = True
     ) -> GripperState:
         """Drive the jaws; needs the lease of this gripper."""
-        with self._world.inside(f"gripper:{self._id}"):
+        with self._cell.inside(f"gripper:{self._id}"):
             return self._arm.set_gripper(width, force=force, settle=settle, wait=wait)
 
     def stop(self) -> None:

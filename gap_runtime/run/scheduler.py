@@ -50,7 +50,7 @@ class Scheduler:
         except Abandoned:
             return
         except BaseException as error:
-            stop_arms(self.services.world)
+            stop_arms(self.services.cell)
             self.course.fail(error)
 
     def _plan(self) -> SuperStep | None:
@@ -65,7 +65,7 @@ class Scheduler:
         attempts = self._attempts()
         if not attempts:
             if broken := self._broken_streams():
-                stop_arms(self.services.world)
+                stop_arms(self.services.cell)
                 self._leave_failed(broken)
             elif not course.over.is_set():
                 course.finish_idle()
@@ -90,10 +90,10 @@ class Scheduler:
         return [a for f in frames for a in self._ready(f)] if all(f.due.pending for f in frames) else []
 
     def _cut_short(self) -> bool:
-        world = self.services.world
+        cell = self.services.cell
         if self.stopping is not None:
             self.course.abort(*self.stopping)
-        elif world is not None and self._world_deadline is not None and world.time > self._world_deadline:
+        elif cell is not None and self._world_deadline is not None and cell.time > self._world_deadline:
             self.course.abort("error", "The task's time is up.")
         else:
             return False
@@ -144,7 +144,7 @@ class Scheduler:
                 looked = seconds
         self.course.outcome.compute_s += looked + moved
         broken = self._broken_streams() if self._streams else []
-        problems = stop_arms(self.services.world) if failed or broken else []
+        problems = stop_arms(self.services.cell) if failed or broken else []
         for attempt in step.attempts:
             if attempt.node.effect != "pure":
                 self.services.leases.release(attempt)

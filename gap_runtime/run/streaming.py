@@ -7,11 +7,11 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from time import monotonic
 
+from gap_runtime.contracts.cell import CellFrame
 from gap_runtime.contracts.failures import CancelledError, ToolError
 from gap_runtime.contracts.privilege import enter_node, leave_node
 from gap_runtime.contracts.tool import OBSERVED
 from gap_runtime.contracts.types.typeref import TypeRef
-from gap_runtime.contracts.world import WorldFrame
 from gap_runtime.graph.compiled import Callee
 from gap_runtime.run.activation import Frame
 from gap_runtime.run.attempt import Attempt
@@ -34,7 +34,7 @@ class Observations:
     """
 
     def __init__(self, services: Services, hz: str, dry: bool) -> None:
-        self._world, self._hz, self._dry, self._state = services.world, float(hz or DEFAULT_HZ), dry, services.state
+        self._cell, self._hz, self._dry, self._state = services.cell, float(hz or DEFAULT_HZ), dry, services.state
         self._waiting_s = READERS_S if services.lockstep else 0.0
         self._lock = threading.Lock()
         self._stream: Stream | None = None
@@ -42,22 +42,22 @@ class Observations:
 
     def stream(self) -> Stream:
         """The stream, subscribed now if it is the first request. Raises `ToolError` in a run without a world."""
-        if self._world is None and not self._dry:
-            raise ToolError("no_world", "This run has no world to observe.")
+        if self._cell is None and not self._dry:
+            raise ToolError("no_cell", "This run has no cell to observe.")
         with self._lock:
             if self._stream is None:
                 taken = self._state.setdefault(OBSERVED, deque(maxlen=KEPT))
                 stream = self._stream = Stream("in.observation_stream", taken.append)
-                if self._world is None:
+                if self._cell is None:
                     stream.publish(synthesize(TypeRef("Observation")))
                     return stream
-                self._unsubscribe = self._world.subscribe(
-                    lambda f: self._offer(stream, f), self._hz, self._world.camera_names
+                self._unsubscribe = self._cell.subscribe(
+                    lambda f: self._offer(stream, f), self._hz, self._cell.camera_names
                 )
-                stream.publish(self._world.observe())
+                stream.publish(self._cell.observe())
             return self._stream
 
-    def _offer(self, stream: Stream, frame: WorldFrame) -> None:
+    def _offer(self, stream: Stream, frame: CellFrame) -> None:
         if not stream.closed:
             stream.publish(frame.observation)
             stream.wait_for_readers(self._waiting_s)
@@ -135,7 +135,7 @@ def _produce(services: Services, attempt: Attempt, callee: Callee, stream: Strea
         if result is None:
             return
         context.publish(result)
-        if services.world is None:
+        if services.cell is None:
             attempt.finished.wait(1.0 / DEFAULT_HZ)
             attempt.check()
             continue

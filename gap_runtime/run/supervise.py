@@ -87,7 +87,7 @@ class Supervisor:
             if late > self._grace_s or not attempt.tool:  # a tool it calls gets the grace to say so itself
                 attempt.cancel(DEADLINE)
             if attempt.node.effect == "actuate" and (attempt.cancelled or late <= TICK_S * 2):
-                stop_arms(self._scheduler.services.world)
+                stop_arms(self._scheduler.services.cell)
         elif attempt.cancelled and now > attempt.cancelled_at + self._grace_s:
             self._give_up(attempt)
 
@@ -98,7 +98,7 @@ class Supervisor:
         inline = step.current is attempt
         if not step.give_up(scheduler.services, attempt):
             return
-        stop_arms(scheduler.services.world)
+        stop_arms(scheduler.services.cell)
         if inline:
             self._start_runner()
         else:
@@ -122,4 +122,4 @@ class Supervisor:
         step = self._scheduler.step
         if step is not None:
             step.cancel(reason)
-        stop_arms(self._scheduler.services.world)
+        stop_arms(self._scheduler.services.cell)

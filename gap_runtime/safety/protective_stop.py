@@ -8,17 +8,17 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterable
 
-from gap_runtime.contracts.world import Arm, World
+from gap_runtime.contracts.cell import Arm, Cell
 
 CONFIRM_S = 2.0
 
 
-def stop_arms(world: World | None) -> list[str]:
+def stop_arms(cell: Cell | None) -> list[str]:
     """Stop every arm; returns what is known to have gone wrong (an arm that raised, or did not answer in time)."""
-    if world is None:
+    if cell is None:
         return []
     try:
-        arms: Iterable[Arm] = tuple(world.arms)
+        arms: Iterable[Arm] = tuple(cell.arms)
     except Exception as error:
         return [f"the arms cannot be reached ({error})"]
     problems: list[str] = []

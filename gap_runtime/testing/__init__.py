@@ -1,14 +1,14 @@
 """Shipped fakes: a world without physics, an arm without motors and a handful of tools, so that graphs run anywhere."""
 
+from gap_runtime.testing.cell import FAKE_ROBOT, FakeArm, FakeCell
 from gap_runtime.testing.graphs import compile_fake, fake_skill, fake_tools, fake_workflow, run_fake
 from gap_runtime.testing.tools import FAKE_TOOLS, Sum
-from gap_runtime.testing.world import FAKE_ROBOT, FakeArm, FakeWorld
 
 __all__ = [
     "FAKE_ROBOT",
     "FAKE_TOOLS",
     "FakeArm",
-    "FakeWorld",
+    "FakeCell",
     "Sum",
     "compile_fake",
     "fake_skill",

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gap_runtime.contracts.failures import ToolError
+from gap_runtime.contracts.simulator import simulator_of
 from gap_runtime.contracts.tool import Tool, ToolContext, tool
 from gap_runtime.contracts.types import GripperState, Observation, Trajectory
 
@@ -53,28 +54,28 @@ def count(ctx: ToolContext) -> int:
 @tool("fake.Look", effect="sense", deadline_s=5.0)
 def look(ctx: ToolContext) -> Observation:
     """What the cameras see."""
-    return ctx.world.observe()
+    return ctx.cell.observe()
 
 
 @tool("fake.Peek", effect="sense", deadline_s=5.0)
 def peek(ctx: ToolContext) -> None:
     """Tries to read ground truth, which must never work."""
-    ctx.world.snapshot()
+    simulator_of(ctx.cell).snapshot()
 
 
 @tool("fake.Move", effect="actuate", resources=("arm:{arm_id}",), deadline_s=30.0)
 def move(ctx: ToolContext, to: float = 1.0, duration: float = 1.0, arm_id: int = 0) -> float:
     """Turns every joint to `to` [rad] within `duration` [s]; returns the world time when done."""
-    arm = ctx.world.arms[arm_id]
+    arm = ctx.cell.arms[arm_id]
     start = arm.state().joints.positions
     arm.execute(Trajectory(np.array([0.0, duration]), np.stack([start, np.full_like(start, to)])))
-    return ctx.world.time
+    return ctx.cell.time
 
 
 @tool("fake.Grip", effect="actuate", resources=("gripper:{arm_id}",), deadline_s=5.0)
 def grip(ctx: ToolContext, width: float = 0.0, arm_id: int = 0) -> GripperState:
     """Drives the jaws to `width` [m]."""
-    return ctx.world.arms[arm_id].set_gripper(width)
+    return ctx.cell.arms[arm_id].set_gripper(width)
 
 
 @tool("fake.Spin", deadline_s=5.0)

@@ -98,7 +98,7 @@ def front_grasp_from_obb(
     base to the box. `slide_axis` is the pull direction.
     """
     center = obb.center.array
-    hint = approach_hint.array if approach_hint else center - ctx.world.arms[0].base_pose.position.array
+    hint = approach_hint.array if approach_hint else center - ctx.cell.arms[0].base_pose.position.array
     hint = np.array([hint[0], hint[1], 0.0])
     if not np.isfinite(hint).all() or np.linalg.norm(hint) < 1e-9:
         raise BadRequestError("approach_hint", "approach_hint must have a horizontal part.")

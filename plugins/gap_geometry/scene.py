@@ -124,7 +124,7 @@ def on_robot(ctx: ToolContext, points: Array, joints: JointState) -> Array:
     """Which of the points (N, 3) [m] are on the first arm at `joints`, its jaws as wide as they are now; shape (N,)."""
     from gap_motion.kinematics.chain import sphere_centers
 
-    spec, arm = ctx.robot(), ctx.world.arms[0]
+    spec, arm = ctx.robot(), ctx.cell.arms[0]
     centers = to_frame(sphere_centers(spec, joints.positions, arm.state().gripper.width), arm.base_pose)
     radii = np.array([s.radius for s in spec.spheres])
     on = np.zeros(len(points), dtype=bool)

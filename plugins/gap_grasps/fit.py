@@ -23,7 +23,7 @@ from gap_grasps.pose_error import DECLARED
 from gap_grasps.reliability import auc, bins, ranking
 from gap_grasps.robustness import Measures, measure
 from gap_grasps.support import support_below
-from gap_runtime.contracts.standalone import Cell
+from gap_runtime.contracts.standalone import StandaloneContext
 from gap_runtime.contracts.types import Array, Se3Pose
 
 SCHEMA = "gap/grasp-calibration/v1"
@@ -65,14 +65,14 @@ def fit_rows(job: Job) -> list[Row]:
     return found
 
 
-def unweighted_pool(cell: Cell, seen: Seen) -> Ranked:
+def unweighted_pool(cell: StandaloneContext, seen: Seen) -> Ranked:
     """The pool with the product of the measures for a score, so that no earlier fit has a say in what is drawn."""
     ranked = pool_of(cell, seen)
     worth = np.prod(np.stack(_measures(cell, seen, [pose for pose, _ in ranked])), axis=0) if ranked else []
     return [(pose, float(w)) for (pose, _), w in zip(ranked, worth, strict=True)]
 
 
-def _measures(cell: Cell, seen: Seen, poses: Sequence[Se3Pose]) -> Measures:
+def _measures(cell: StandaloneContext, seen: Seen, poses: Sequence[Se3Pose]) -> Measures:
     rng = np.random.default_rng([cell.seed, len(seen.target)])
     floor = support_below(cell, seen.target)
     T = np.array([pose.matrix for pose in poses]).reshape(-1, 4, 4)

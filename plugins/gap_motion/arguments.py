@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from gap_motion.kinematics.chain import Chain, chain
+from gap_runtime.contracts.cell import Arm
 from gap_runtime.contracts.failures import BadRequestError
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.tool import ToolContext
 from gap_runtime.contracts.types import Array, JointState, Se3Pose, Trajectory, Vec3
-from gap_runtime.contracts.world import Arm
 
 STEP = 0.05  # s: one `max_steps` step, the 20 Hz control period of the environments the catalogue comes from
 GOING = 0.02  # rad: an arm whose motion ends farther away than this is on its way
@@ -20,7 +20,7 @@ GOING = 0.02  # rad: an arm whose motion ends farther away than this is on its w
 
 def arm_of(ctx: ToolContext, arm_id: int) -> Arm:
     """An arm of the cell. Raises `BadRequestError` (`unknown_arm`)."""
-    arms = ctx.world.arms
+    arms = ctx.cell.arms
     if isinstance(arm_id, bool) or not 0 <= arm_id < len(arms):
         raise BadRequestError("unknown_arm", f"There is no arm {arm_id}.", hint=f"Arms: 0 to {len(arms) - 1}.")
     return arms[arm_id]
@@ -90,7 +90,7 @@ def finite(value: float, what: str) -> float:
     return float(value)
 
 
-class Cell:
+class ArmModel:
     """One arm where it stands: its chain, and how world poses become poses of the frame behind its last joint."""
 
     def __init__(self, arm: Arm, arm_id: int = 0) -> None:
@@ -100,7 +100,7 @@ class Cell:
         self._to_base: Array = np.linalg.inv(self.base)
 
     @classmethod
-    def of(cls, ctx: ToolContext, arm_id: int) -> Cell:
+    def of(cls, ctx: ToolContext, arm_id: int) -> ArmModel:
         """The cell of one arm. Raises `BadRequestError` (`unknown_arm`)."""
         return cls(arm_of(ctx, arm_id), arm_id)
 

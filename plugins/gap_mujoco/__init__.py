@@ -28,14 +28,14 @@ def gap_register_tools(register: Register) -> None:
 
 
 @hookimpl
-def gap_register_worlds(register: Register) -> None:
+def gap_register_cells(register: Register) -> None:
     register("mujoco", _world)
 
 
 def _world(task: Task, scene: str, robots: Mapping[str, RobotSpec]) -> Any:
-    from gap_mujoco.world import MujocoWorld
+    from gap_mujoco.simulator import MujocoSimulator
 
-    return MujocoWorld(task, scene, robots)
+    return MujocoSimulator(task, scene, robots)
 
 
 def _rendering() -> str:

@@ -10,10 +10,10 @@ import numpy as np
 from gap_mujoco import commands
 from gap_mujoco.control.joint_controller import Drive
 from gap_mujoco.thread import WorldThread
+from gap_runtime.contracts.cell import Setpoint
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.task import RobotPlacement
 from gap_runtime.contracts.types import ArmState, GripperState, Quaternion, Se3Pose, Trajectory, Vec3
-from gap_runtime.contracts.world import Setpoint
 
 
 class SimArm:
@@ -45,21 +45,21 @@ class SimArm:
         return self._thread.call(self._drive.setpoint)
 
     def execute(self, trajectory: Trajectory, *, tolerance: float = 0.01) -> None:
-        """Track a joint trajectory; see `gap_runtime.contracts.world.Arm.execute`."""
+        """Track a joint trajectory; see `gap_runtime.contracts.cell.Arm.execute`."""
         self._thread.call(commands.execute, [self.command(trajectory, tolerance)])
 
     def start(self, trajectory: Trajectory, *, tolerance: float = 0.01, replace: bool = False) -> None:
-        """Begin to track a joint trajectory; see `gap_runtime.contracts.world.Arm.start`."""
+        """Begin to track a joint trajectory; see `gap_runtime.contracts.cell.Arm.start`."""
         self._thread.call(commands.start, self.command(trajectory, tolerance), replace=replace)
 
     def finish(self) -> None:
-        """Let a motion that was started come to its end; see `gap_runtime.contracts.world.Arm.finish`."""
+        """Let a motion that was started come to its end; see `gap_runtime.contracts.cell.Arm.finish`."""
         self._thread.call(commands.finish, self._drive)
 
     def set_gripper(
         self, width: float, *, force: float | None = None, settle: float = 0.5, wait: bool = True
     ) -> GripperState:
-        """Drive the jaws; see `gap_runtime.contracts.world.Arm.set_gripper`."""
+        """Drive the jaws; see `gap_runtime.contracts.cell.Arm.set_gripper`."""
         return self._thread.call(self._set_gripper, width, force, settle if wait else None, self._stopped())
 
     def _set_gripper(

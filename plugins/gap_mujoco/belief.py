@@ -16,9 +16,9 @@ from scipy.spatial.transform import Rotation
 from gap_mujoco.model.footprint import footprint, gap
 from gap_runtime.contracts.failures import TaskInfeasibleError, UnknownNameError
 from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.contracts.simulator import Instance
 from gap_runtime.contracts.task import Distribution, Placement, Task
 from gap_runtime.contracts.types import Array, Quaternion, Se3Pose, Vec3
-from gap_runtime.contracts.world import Instance
 
 Draw = dict[str, tuple[Array, float]]  # by object: xy in the world [m], yaw [rad]
 

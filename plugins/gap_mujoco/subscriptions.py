@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from gap_runtime.contracts.world import WorldFrame
+from gap_runtime.contracts.cell import CellFrame
 
 
 class Ear:
@@ -12,10 +12,10 @@ class Ear:
 
     def __init__(
         self,
-        listener: Callable[[WorldFrame], None],
+        listener: Callable[[CellFrame], None],
         hz: float,
         clock: Callable[[], float],
-        take: Callable[[], WorldFrame],
+        take: Callable[[], CellFrame],
     ) -> None:
         self._listener, self._period, self._clock, self._take = listener, 1 / hz, clock, take
         self._last, self._count = 0.0, 0

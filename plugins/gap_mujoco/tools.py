@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from gap_runtime.contracts.failures import BadRequestError, MotionError, UnknownNameError
+from gap_runtime.contracts.simulator import simulator_of
 from gap_runtime.contracts.tool import ToolContext, tool
 from gap_runtime.contracts.types import (
     ArmState,
@@ -81,18 +82,18 @@ def init(
     `suite_name` the variant, `task_id` the scene; a `config_path` cannot be honoured.
     """
     wanted = [
-        ("env_name", env_name, {ctx.task.environment.world, ctx.task.name}),
+        ("env_name", env_name, {ctx.task.environment.simulator, ctx.task.name}),
         ("suite_name", suite_name, {ctx.task.variant, ctx.task.name}),
         ("task_id", task_id, {_scene(ctx)}),
         ("config_path", config_path, set()),
-        *(("camera_names", name, set(ctx.world.camera_names)) for name in camera_names or []),
+        *(("camera_names", name, set(ctx.cell.camera_names)) for name in camera_names or []),
     ]
     for key, value, known in wanted:
         if value is not None and value not in known:
             return Started(False, {}, str(UnknownNameError(key, value, known)))
     capabilities = {
-        "world": ctx.task.environment.world, "task": ctx.task.name, "scene": _scene(ctx),
-        "cameras": list(ctx.world.camera_names), "arms": [arm.spec.name for arm in ctx.world.arms], "step_s": STEP,
+        "simulator": ctx.task.environment.simulator, "task": ctx.task.name, "scene": _scene(ctx),
+        "cameras": list(ctx.cell.camera_names), "arms": [arm.spec.name for arm in ctx.cell.arms], "step_s": STEP,
     }  # fmt: skip
     return Started(True, capabilities, "")
 
@@ -100,10 +101,11 @@ def init(
 @tool("sim_bridge.Reset", effect="actuate", resources=ARM, deadline_s=60, privileged=True)
 def reset(ctx: ToolContext, seed: int) -> Fresh:
     """Begin a new episode with the instance of this seed. Raises `TaskInfeasibleError`."""
-    ctx.world.reset(ctx.world.sample(seed))
+    simulator = simulator_of(ctx.cell)
+    simulator.reset(simulator.sample(seed))
     for key in [k for k in ctx.state if k != FILM]:
         del ctx.state[key]
-    return Fresh(ctx.world.observe())
+    return Fresh(ctx.cell.observe())
 
 
 @tool("sim_bridge.StepOnce", effect="actuate", resources=ARM, deadline_s=30, privileged=True)
@@ -111,7 +113,7 @@ def step_once(ctx: ToolContext, gripper_fraction: float = -1) -> Stepped:
     """Let one control step pass, after driving the jaws to a fraction of their opening (-1: leave them)."""
     if gripper_fraction != -1:
         _drive_jaws(ctx, gripper_fraction, 0)
-    ctx.world.wait(STEP)
+    ctx.cell.wait(STEP)
     return _stepped(ctx, truncated=False)
 
 
@@ -126,7 +128,7 @@ def move_to_joints(
     """
     from gap_mujoco.control.point_to_point import joint_move
 
-    arm = ctx.world.arms[0]
+    arm = ctx.cell.arms[0]
     arm.finish()
     trajectory = joint_move(arm.spec, arm.state().joints.positions, target_joints.positions)
     if trajectory.duration > max_steps * STEP:
@@ -150,7 +152,7 @@ def set_gripper(ctx: ToolContext, fraction: float, arm_id: int = 0) -> None:
 @tool("sim_bridge.GetState", effect="sense", privileged=True)
 def get_state(ctx: ToolContext) -> TrueState:
     """Every camera, every arm, and the true pose of every object."""
-    seen, true = ctx.world.observe(), ctx.world.snapshot()
+    seen, true = ctx.cell.observe(), simulator_of(ctx.cell).snapshot()
     objects = [ObjectPose(name, body.pose) for name, body in sorted(true.bodies.items())]
     return TrueState(list(seen.arm_states), list(seen.cameras), objects)
 
@@ -163,7 +165,7 @@ def check_task_completion(ctx: ToolContext, target: str = "", container: str = "
     """
     from gap_mujoco.scoring import conditions
 
-    found = conditions(ctx.task, _scene(ctx), ctx.world.snapshot(), target, container)
+    found = conditions(ctx.task, _scene(ctx), simulator_of(ctx.cell).snapshot(), target, container)
     done = all(found.values())
     return Score(ctx.task.reward.success_weight * done, done, sum(found.values()) / len(found))
 
@@ -173,11 +175,11 @@ def enable_video_capture(ctx: ToolContext, enabled: bool, clear: bool) -> None:
     """Start or stop filming the first camera at 20 frames per second of world time; `clear` forgets what was filmed."""
     from gap_mujoco.rendering.video import Reel
 
-    reel = ctx.state.setdefault(FILM, Reel(ctx.world.camera_names[0]))
+    reel = ctx.state.setdefault(FILM, Reel(ctx.cell.camera_names[0]))
     if clear:
         reel.clear()
     if enabled:
-        reel.start(ctx.world)
+        reel.start(ctx.cell)
     else:
         reel.stop()
 
@@ -197,11 +199,11 @@ def save_video(ctx: ToolContext, output_path: str, clear: bool, fps: int = 20) -
 
 
 def _scene(ctx: ToolContext) -> str:
-    return str(getattr(ctx.world, "scene", ""))
+    return str(getattr(ctx.cell, "scene", ""))
 
 
 def _drive_jaws(ctx: ToolContext, fraction: float, arm_id: int) -> None:
-    arms = ctx.world.arms
+    arms = ctx.cell.arms
     if not 0 <= arm_id < len(arms):
         raise UnknownNameError("arm", str(arm_id), map(str, range(len(arms))))
     if not 0 <= fraction <= 1:
@@ -212,9 +214,9 @@ def _drive_jaws(ctx: ToolContext, fraction: float, arm_id: int) -> None:
 def _stepped(ctx: ToolContext, *, truncated: bool) -> Stepped:
     from gap_mujoco.scoring import conditions
 
-    done = all(conditions(ctx.task, _scene(ctx), ctx.world.snapshot()).values())
-    late = ctx.world.time > ctx.task.max_time
-    return Stepped(ctx.world.observe(), ctx.task.reward.success_weight * done, done, truncated or late)
+    done = all(conditions(ctx.task, _scene(ctx), simulator_of(ctx.cell).snapshot()).values())
+    late = ctx.cell.time > ctx.task.max_time
+    return Stepped(ctx.cell.observe(), ctx.task.reward.success_weight * done, done, truncated or late)
 
 
 TOOLS = (

@@ -29,7 +29,7 @@ def get_observation(ctx: ToolContext) -> Sensed:
 
     The frames are remembered for this episode, so that a tool given only an image can look at its depth too.
     """
-    observation = ctx.world.observe()
+    observation = ctx.cell.observe()
     remember(ctx.state, observation)
     return Sensed(list(observation.cameras), list(observation.arm_states))
 
@@ -37,9 +37,9 @@ def get_observation(ctx: ToolContext) -> Sensed:
 @tool("observation.GetCameraPose", effect="sense")
 def get_camera_pose(ctx: ToolContext, camera_name: str) -> CameraPose:
     """T_world_camera (optical) of one camera, from calibration and forward kinematics. Raises `UnknownNameError`."""
-    if camera_name not in ctx.world.camera_names:
-        raise UnknownNameError("camera", camera_name, ctx.world.camera_names)
-    return CameraPose(ctx.world.camera_pose(camera_name))
+    if camera_name not in ctx.cell.camera_names:
+        raise UnknownNameError("camera", camera_name, ctx.cell.camera_names)
+    return CameraPose(ctx.cell.camera_pose(camera_name))
 
 
 TOOLS = (get_observation, get_camera_pose)

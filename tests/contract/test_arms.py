@@ -9,20 +9,20 @@ import pytest
 
 from gap_runtime.contracts.task import load_task
 from gap_runtime.contracts.types import Trajectory
-from gap_runtime.testing import FakeWorld
+from gap_runtime.testing import FakeCell
 
 TASK = Path(__file__).parents[2] / "tasks" / "fulfill-grocery"
 LONG = 1.0  # s
 
 
 def simulated():
-    from gap_mujoco.world import MujocoWorld
+    from gap_mujoco.simulator import MujocoSimulator
     from gap_robots.panda import panda
 
-    return MujocoWorld(load_task(TASK, "object"), "milk", {"panda": panda()})
+    return MujocoSimulator(load_task(TASK, "object"), "milk", {"panda": panda()})
 
 
-@pytest.fixture(scope="module", params=[FakeWorld, pytest.param(simulated, marks=pytest.mark.sim)])
+@pytest.fixture(scope="module", params=[FakeCell, pytest.param(simulated, marks=pytest.mark.sim)])
 def made(request):
     world = request.param()
     yield world

@@ -23,7 +23,7 @@ from gap_runtime.contracts.failures import GraspError, SimulationDivergedError
 from gap_runtime.contracts.tool import ToolContext, tool
 from gap_runtime.contracts.types import Vec3
 from gap_runtime.hookspecs import hookimpl
-from gap_runtime.testing import FAKE_ROBOT, FAKE_TOOLS, FakeWorld
+from gap_runtime.testing import FAKE_ROBOT, FAKE_TOOLS, FakeCell
 
 HERE = Path(__file__).parent
 
@@ -33,7 +33,7 @@ def meet(folder, count):
         Path(folder, str(os.getpid())).touch()
         while len(os.listdir(folder)) < count: time.sleep(0.01)
 
-class Cell(FakeWorld):
+class Cell(FakeCell):
     def __init__(self, task, scene, robots):
         meet(os.environ.get("CELL_MEET"), 2)
         super().__init__(objects={name: Vec3(0.0, 0.1 * i, 0.05) for i, name in enumerate(task.scene_objects(scene))})
@@ -41,7 +41,7 @@ class Cell(FakeWorld):
 @tool("cell.Act", effect="actuate", resources=("arm:0",), deadline_s=30.0)
 def act(ctx: ToolContext, seconds: float = 0.2) -> float:
     """Lets time pass, and does to its worker what CELL_FAULTS says for this seed."""
-    ctx.world.wait(seconds)
+    ctx.cell.wait(seconds)
     if "CELL_MEET" in os.environ:
         Path(os.environ["CELL_MEET"]).with_name("worked").joinpath(str(os.getpid())).touch()
         time.sleep(0.05)
@@ -54,14 +54,14 @@ def act(ctx: ToolContext, seconds: float = 0.2) -> float:
     if fault == "diverge": raise SimulationDivergedError("qacc is not finite")
     if fault == "slip": raise GraspError("slipped", "The jaws closed on nothing.")
     if fault == "count" and "x" not in ctx.state: ctx.state["x"] = 1
-    return ctx.world.time
+    return ctx.cell.time
 
 @hookimpl
 def gap_register_tools(register):
     for t in (*FAKE_TOOLS, act): register(t)
 
 @hookimpl
-def gap_register_worlds(register):
+def gap_register_cells(register):
     register("cell", Cell)
 
 @hookimpl
@@ -95,7 +95,7 @@ schema: gap/task/v1
 name: little
 description: Two boxes.
 instructions: [Do it]
-environment: {world: cell, supports: {floor: {z: 0.0, half_size: [1.0, 1.0]}}, workspace: [[-1, -1, 0], [1, 1, 1]]}
+environment: {simulator: cell, supports: {floor: {z: 0.0, half_size: [1.0, 1.0]}}, workspace: [[-1, -1, 0], [1, 1, 1]]}
 robots: [{model: fake}]
 objects:
   can: {label: can, shape: {kind: cylinder, size: [0.06, 0.06, 0.1]}, mass: 0.1, looks: {base: "#c02020"}}

@@ -44,7 +44,7 @@ def context(robot=None, width=0.08):
     jaws = SimpleNamespace(gripper=SimpleNamespace(width=width))
     arm = SimpleNamespace(base_pose=Se3Pose(Vec3(0, 0, 0), IDENTITY), state=lambda: jaws)
     task, world = SimpleNamespace(environment=environment), SimpleNamespace(arms=[arm])
-    return SimpleNamespace(task=task, world=world, robot=lambda arm_id=0: robot)
+    return SimpleNamespace(task=task, cell=world, robot=lambda arm_id=0: robot)
 
 
 LEFT, RIGHT = (slice(50, 70), slice(20, 40)), (slice(50, 70), slice(110, 130))

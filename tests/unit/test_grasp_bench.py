@@ -99,7 +99,7 @@ def test_physics_that_diverges_ends_the_try_and_not_the_benchmark():
         if name == "gripper.Close":
             raise SimulationDivergedError("Something moves at 165 m/s.")
 
-    cell = SimpleNamespace(tool=blow_up, world=SimpleNamespace(wait=lambda seconds: None))
+    cell = SimpleNamespace(tool=blow_up, cell=SimpleNamespace(wait=lambda seconds: None))
     assert execute(cell, Se3Pose(Vec3(0.0, 0.0, 0.1), Quaternion(0.0, 1.0, 0.0, 0.0))) == VOID
 
 

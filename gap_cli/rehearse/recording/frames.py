@@ -5,16 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 from gap_cli.workspace.recording_paths import frame_path
+from gap_runtime.contracts.simulator import Simulator
 from gap_runtime.contracts.types import CameraObservation
-from gap_runtime.contracts.world import World
 
 HEIGHT = 240  # px: a report shows hundreds of them
 
 
-def save_frame(world: World, folder: Path, seed: int, which: str) -> None:
+def save_frame(simulator: Simulator, folder: Path, seed: int, which: str) -> None:
     """Save what the world's first fixed camera sees now. Never part of a policy, so never part of its time."""
-    name = next((c for c in world.camera_names if "wrist" not in c), world.camera_names[0])
-    (camera,) = world.observe([name]).cameras
+    name = next((c for c in simulator.camera_names if "wrist" not in c), simulator.camera_names[0])
+    (camera,) = simulator.observe([name]).cameras
     path = frame_path(folder, seed, which)
     path.parent.mkdir(parents=True, exist_ok=True)
     _write(path, camera)

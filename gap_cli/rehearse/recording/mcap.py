@@ -14,12 +14,12 @@ from foxglove import channels as fgc
 from foxglove import messages as fg
 
 from gap_cli.rehearse.recording.foxglove_scene import entity
+from gap_runtime.contracts.cell import CellFrame
 from gap_runtime.contracts.encoding.codec import to_plain
 from gap_runtime.contracts.failures import BadRequestError
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.task import ObjectModel
 from gap_runtime.contracts.types import ArmState, CameraObservation, Se3Pose
-from gap_runtime.contracts.world import WorldFrame
 from gap_runtime.run.events import Event
 
 JPEG_QUALITY = 80
@@ -55,7 +55,7 @@ class McapRecorder:
         self._time = 0.0
         self._drawn = False
 
-    def on_frame(self, frame: WorldFrame) -> None:
+    def on_frame(self, frame: CellFrame) -> None:
         """Record one instant."""
         self._time = frame.time
         when, stamp = _ns(frame.time), _stamp(frame.time)
@@ -126,7 +126,7 @@ class McapRecorder:
         joints.append(fg.JointState(name=f"gripper:{arm.arm_id}", position=float(arm.gripper.width)))
         self._joints.log(fg.JointStates(timestamp=stamp, joints=joints), log_time=when)
 
-    def _poses(self, frame: WorldFrame, stamp: fg.Timestamp) -> list[fg.FrameTransform]:
+    def _poses(self, frame: CellFrame, stamp: fg.Timestamp) -> list[fg.FrameTransform]:
         found = [(f"tcp:{a.arm_id}", a.ee_pose) for a in frame.observation.arm_states]
         found += [(f"camera:{c.name}", c.pose) for c in frame.observation.cameras]
         if frame.snapshot is not None:

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from gap_runtime.contracts.world import World, WorldFrame
+from gap_runtime.contracts.cell import CellFrame
+from gap_runtime.contracts.simulator import Simulator
 
 HZ = 10.0  # frames per second of world time
 WIDTH = 480  # px
@@ -19,18 +20,20 @@ WIDTH = 480  # px
 class Film:
     """Records from `start` to `stop`. `began` is the world time of its first frame [s], None before there is one."""
 
-    def __init__(self, world: World, file: Path) -> None:
+    def __init__(self, simulator: Simulator, file: Path) -> None:
         self.file = file
         self.began: float | None = None
-        self._world = world
+        self._simulator = simulator
         self._writer: Any = None
         self._unsubscribe: Callable[[], None] | None = None
-        self._camera = next((c for c in world.camera_names if "wrist" not in c), next(iter(world.camera_names), ""))
+        self._camera = next(
+            (c for c in simulator.camera_names if "wrist" not in c), next(iter(simulator.camera_names), "")
+        )
 
     def start(self) -> None:
         """From now on; without a camera there is nothing to record."""
         if self._camera:
-            self._unsubscribe = self._world.subscribe(self._frame, HZ, [self._camera])
+            self._unsubscribe = self._simulator.subscribe(self._frame, HZ, [self._camera])
 
     def stop(self) -> Path | None:
         """The finished file; None when nothing was recorded."""
@@ -41,7 +44,7 @@ class Film:
         self._writer.release()
         return self.file
 
-    def _frame(self, frame: WorldFrame) -> None:
+    def _frame(self, frame: CellFrame) -> None:
         import cv2
 
         camera = next((c for c in frame.observation.cameras if c.name == self._camera), None)

@@ -17,7 +17,7 @@ class Support(Document):
 class Environment(Document):
     """E: the fixed cell. `workspace` is the box, min corner then max corner [m], that commands may not leave."""
 
-    world: str = "mujoco"
+    simulator: str = "mujoco"
     supports: dict[str, Support]
     workspace: tuple[Triple, Triple]
     lights: list[Triple] = [(0.0, 0.0, 2.0)]

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from gap_grasps.clearance import STRAY
 from gap_runtime.contracts.failures import SimulationDivergedError, ToolError
-from gap_runtime.contracts.standalone import Cell
+from gap_runtime.contracts.standalone import StandaloneContext
 from gap_runtime.contracts.types import (
     Array,
     CameraObservation,
@@ -52,10 +52,10 @@ class Seen:
 
 
 Ranked = list[tuple[Se3Pose, float]]
-Generator = Callable[[Cell, Seen], Ranked]
+Generator = Callable[[StandaloneContext, Seen], Ranked]
 
 
-def by_graspgen(cell: Cell, seen: Seen) -> Ranked:
+def by_graspgen(cell: StandaloneContext, seen: Seen) -> Ranked:
     """`graspgen.PlanFromPointCloud` on the target's cloud, clear of the rest."""
     found = cell.tool(
         "graspgen.PlanFromPointCloud", target_cloud=PointCloud(seen.target), scene_cloud=PointCloud(seen.scene)
@@ -63,7 +63,7 @@ def by_graspgen(cell: Cell, seen: Seen) -> Ranked:
     return list(zip(found.grasp_poses, found.scores, strict=True))
 
 
-def by_m2t2(cell: Cell, seen: Seen) -> Ranked:
+def by_m2t2(cell: StandaloneContext, seen: Seen) -> Ranked:
     """`m2t2.PlanFromPointCloud` on the scene's cloud, with the target's."""
     found = cell.tool(
         "m2t2.PlanFromPointCloud", scene_cloud=PointCloud(seen.scene), target_cloud=PointCloud(seen.target)
@@ -71,7 +71,7 @@ def by_m2t2(cell: Cell, seen: Seen) -> Ranked:
     return list(zip(found.grasp_poses, found.scores, strict=True))
 
 
-def by_graspnet(cell: Cell, seen: Seen) -> Ranked:
+def by_graspnet(cell: StandaloneContext, seen: Seen) -> Ranked:
     """`graspnet.PlanFromDepth` on the wrist camera's frame alone."""
     camera = seen.wrist
     found = cell.tool(
@@ -82,7 +82,7 @@ def by_graspnet(cell: Cell, seen: Seen) -> Ranked:
     return [(Se3Pose.of(T @ pose.matrix), score) for pose, score in ranked]
 
 
-def by_box(cell: Cell, seen: Seen) -> Ranked:
+def by_box(cell: StandaloneContext, seen: Seen) -> Ranked:
     """`geometry_svc.TopDownGraspCandidates` of the cloud's box, as deep as palm and fingertips allow."""
     gripper = cell.robot().gripper
     obb = cell.tool("geometry_svc.FilterAndComputeOBB", point_cloud=PointCloud(seen.target))
@@ -100,7 +100,7 @@ GENERATORS: dict[str, Generator] = {
 }
 
 
-def attempt(cell: Cell, seen: Seen, generate: Generator) -> dict[str, Any]:
+def attempt(cell: StandaloneContext, seen: Seen, generate: Generator) -> dict[str, Any]:
     """Plan, take the best grasp that is in reach, execute it. `reason` is empty where every motion was carried out."""
     row: dict[str, Any] = {"grasps": 0, "rank": None, "score": None, "ms": None, "reason": ""}
     started = time.process_time()
@@ -116,7 +116,7 @@ def attempt(cell: Cell, seen: Seen, generate: Generator) -> dict[str, Any]:
     return row | {"reason": "unreachable" if ranked else "no_grasp"}
 
 
-def in_reach(cell: Cell, pose: Se3Pose, scene: Array) -> Se3Pose | None:
+def in_reach(cell: StandaloneContext, pose: Se3Pose, scene: Array) -> Se3Pose | None:
     """The grasp, or the one with the jaws exchanged, if the arm can approach, take and lift so, clear of the scene."""
     for turned in (pose, Se3Pose(pose.position, Quaternion.of(pose.rotation.rotation * HALF_TURN))):
         try:
@@ -138,17 +138,17 @@ def in_reach(cell: Cell, pose: Se3Pose, scene: Array) -> Se3Pose | None:
     return None
 
 
-def _within_limits(cell: Cell, positions: Array) -> bool:
+def _within_limits(cell: StandaloneContext, positions: Array) -> bool:
     """Do the joints (N, dof) stay off their stops?"""
     low, high = np.array([(j.lower, j.upper) for j in cell.robot().limits]).T
     return bool(((positions >= low + OFF_STOPS) & (positions <= high - OFF_STOPS)).all())
 
 
-def _arm_is_clear(cell: Cell, joints: Array, scene: Array) -> bool:
+def _arm_is_clear(cell: StandaloneContext, joints: Array, scene: Array) -> bool:
     """Does the arm, up to and without the hand, meet at most a stray point?"""
     from gap_motion.kinematics.chain import chain, sphere_centers
 
-    spec, base = cell.robot(), cell.world.arms[0].base_pose
+    spec, base = cell.robot(), cell.cell.arms[0].base_pose
     before = [k.frame < spec.dof - 1 for k in (chain(spec).links[s.link] for s in spec.spheres)]
     centers = sphere_centers(spec, joints)[before] @ base.rotation.rotation.as_matrix().T + base.position.array
     radii = np.array([s.radius for s in spec.spheres])[before]
@@ -157,7 +157,7 @@ def _arm_is_clear(cell: Cell, joints: Array, scene: Array) -> bool:
     return int(np.count_nonzero(distance[met] < radii[nearest[met]])) <= STRAY
 
 
-def execute(cell: Cell, pose: Se3Pose) -> str:
+def execute(cell: StandaloneContext, pose: Se3Pose) -> str:
     """Approach, close, lift, hold and shake. '' or what ended it early: its step and the error's code, or `VOID`."""
     up = lifted(pose)
     aside = [Se3Pose(Vec3.of(up.position.array + np.array([0.0, y, 0.0])), up.rotation) for y in SHAKE]
@@ -168,9 +168,9 @@ def execute(cell: Cell, pose: Se3Pose) -> str:
         ("approach", lambda: cell.tool("robot_control.GoToPoseCartesian", pose=pose, lin_vel_norm=SPEED)),
         ("close", lambda: cell.tool("gripper.Close")),
         ("lift", lambda: cell.tool("robot_control.GoToPoseCartesian", pose=up)),
-        ("hold", lambda: cell.world.wait(HOLD)),
+        ("hold", lambda: cell.cell.wait(HOLD)),
         *(("shake", partial(cell.tool, "robot_control.GoToPoseCartesian", pose=p)) for p in (*aside, up)),
-        ("hold", lambda: cell.world.wait(HOLD / 2)),
+        ("hold", lambda: cell.cell.wait(HOLD / 2)),
     ]
     for step, do in steps:
         try:

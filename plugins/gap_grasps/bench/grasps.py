@@ -14,16 +14,16 @@ from gap_grasps.bench.sampling import drawn_evenly, pool_of
 from gap_grasps.pose_error import DECLARED
 from gap_runtime.contracts.privilege import node_scope
 from gap_runtime.contracts.robot import RobotSpec
-from gap_runtime.contracts.standalone import Cell
+from gap_runtime.contracts.simulator import Instance, Simulator
+from gap_runtime.contracts.standalone import StandaloneContext
 from gap_runtime.contracts.task import Task
 from gap_runtime.contracts.tool import Tool
 from gap_runtime.contracts.types import Mask
-from gap_runtime.contracts.world import Instance, World
 
 LIFTED = 0.10  # m a held object must have risen
 WRIST = "wrist"
-MakeWorld = Callable[[Task, str, Mapping[str, RobotSpec]], World]
-Rank = Callable[[Cell, Seen], Ranked]
+MakeSimulator = Callable[[Task, str, Mapping[str, RobotSpec]], Simulator]
+Rank = Callable[[StandaloneContext, Seen], Ranked]
 
 
 def grasp_rows(
@@ -31,7 +31,7 @@ def grasp_rows(
     robots: Mapping[str, RobotSpec],
     tools: Mapping[str, Tool],
     seeds: Iterable[int],
-    make_world: MakeWorld,
+    make_world: MakeSimulator,
     *,
     names: Iterable[str] | None = None,
     generators: Iterable[str] = tuple(GENERATORS),
@@ -50,7 +50,7 @@ def grasp_rows(
         world = make_world(everything, subject.model, robots)
         try:
             for seed in seeds:
-                scene = _Scene(Cell(world, everything, robots, tools, seed), subject)
+                scene = _Scene(StandaloneContext(world, everything, robots, tools, seed), subject)
                 yield from scene.best(generators)
                 yield from scene.drawn(draws, pool)
         finally:
@@ -63,18 +63,18 @@ DRAWN = "drawn"
 class _Scene:
     """One object in one place: seen once, tried many times, each time from the same start."""
 
-    def __init__(self, cell: Cell, subject: Subject) -> None:
+    def __init__(self, cell: StandaloneContext, subject: Subject) -> None:
         self._cell, self._subject = cell, subject
         self._start: Instance = place(cell.task, subject.model, cell.seed)
         self._about = {"object": subject.name, "seed": cell.seed, "rest": rest(cell.task, subject.model, cell.seed)}
-        cell.world.reset(self._start)
+        cell.cell.reset(self._start)
         with node_scope("bench/look"):
             self._seen = look(cell, handle_only=subject.handle_only)
 
     def best(self, generators: Iterable[str]) -> Iterator[dict[str, Any]]:
         """What each generator thinks best."""
         for generator in generators:
-            self._cell.world.reset(self._start)
+            self._cell.cell.reset(self._start)
             with node_scope("bench/grasp"):
                 row = attempt(self._cell, self._seen, GENERATORS[generator])
             yield {**self._about, "generator": generator, **row, **self._judged(row)}
@@ -88,7 +88,7 @@ class _Scene:
             ranked = pool(self._cell, self._seen)
             reachable = drawn_evenly(ranked, count, rng, lambda pose: in_reach(self._cell, pose, self._seen.scene))
         for pose, score in reachable:
-            self._cell.world.reset(self._start)
+            self._cell.cell.reset(self._start)
             with node_scope("bench/grasp"):
                 reason = execute(self._cell, DECLARED.drawn(pose, rng))
             row = {"score": score, "pose": pose, "reason": reason, "ms": None}
@@ -98,11 +98,11 @@ class _Scene:
     def _judged(self, row: Mapping[str, Any]) -> dict[str, Any]:
         if row["reason"] == VOID:
             return {"lifted": None, "success": False}
-        truth = self._cell.world.snapshot().body(self._subject.model)
+        truth = self._cell.cell.snapshot().body(self._subject.model)
         return {"lifted": truth.lifted(), "success": truth.lifted() > LIFTED and truth.is_grasped()}
 
 
-def look(cell: Cell, *, handle_only: bool = False) -> Seen:
+def look(cell: StandaloneContext, *, handle_only: bool = False) -> Seen:
     """Observe and segment, by depth alone."""
     observed = cell.tool("observation.GetObservation")
     masks = [pixels(cell, camera, observed.arm_states) for camera in observed.cameras]

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gap_runtime.contracts.simulator import Instance
 from gap_runtime.contracts.task import ObjectModel, Task
 from gap_runtime.contracts.types import Array, Quaternion, Se3Pose, Vec3
-from gap_runtime.contracts.world import Instance
 
 # Frying pan: size and mass of LIBERO's chefmate_8_frypan. Mug and box: everyday sizes.
 EXTRAS = {

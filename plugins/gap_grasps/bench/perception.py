@@ -72,7 +72,7 @@ def _on_robot(ctx: ToolContext, points: Array, arm: ArmState) -> Array:
     from gap_motion.kinematics.chain import sphere_centers
 
     spec = ctx.robot()
-    centers = to_frame(sphere_centers(spec, arm.joints.positions), ctx.world.arms[0].base_pose)
+    centers = to_frame(sphere_centers(spec, arm.joints.positions), ctx.cell.arms[0].base_pose)
     on = np.zeros(len(points), dtype=bool)
     for center, sphere in zip(centers, spec.spheres, strict=True):
         on |= np.linalg.norm(points - center, axis=1) <= sphere.radius + BESIDE_ROBOT

@@ -74,11 +74,11 @@ def rows_of(
     name: str, seeds: Iterable[int], generators: tuple[str, ...], draws: int, pool: Rank = pool_of
 ) -> Iterator[Row]:
     """Of one object."""
-    from gap_mujoco.world import MujocoWorld
+    from gap_mujoco.simulator import MujocoSimulator
     from gap_robots.panda import panda
 
     yield from grasp_rows(
-        task(), {"panda": panda()}, tools(), seeds, MujocoWorld,
+        task(), {"panda": panda()}, tools(), seeds, MujocoSimulator,
         names=(name,), generators=generators, draws=draws, pool=pool,
     )  # fmt: skip
 

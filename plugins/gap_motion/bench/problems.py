@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gap_motion.arguments import Cell
+from gap_motion.arguments import ArmModel
 from gap_motion.bench.verify import Shape
 from gap_motion.collision.checker import Checker
 from gap_motion.collision.world import Scene
@@ -18,6 +18,7 @@ from gap_motion.kinematics.ik import into_range
 from gap_motion.kinematics.robot_model import make_body
 from gap_motion.planning.goals import within_limits
 from gap_motion.planning.planning_scene import Situation
+from gap_runtime.contracts.cell import Setpoint
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.types import (
     ArmState,
@@ -29,7 +30,6 @@ from gap_runtime.contracts.types import (
     Trajectory,
     Vec3,
 )
-from gap_runtime.contracts.world import Setpoint
 
 BOXES = 8
 # The well-known cage: spheres of 0.2 m around an arm, which must come from one side of it to the other.
@@ -153,7 +153,7 @@ def groceries(spec: RobotSpec, count: int, grasps: int = 50, seed: int = 0) -> l
     out: list[GraspProblem] = []
     while len(out) < count:
         shapes = _table(rng)
-        cell = Cell(StillArm(spec, spec.home))
+        cell = ArmModel(StillArm(spec, spec.home))
         situation = Situation(cell, make_body(cell.chain, spec.gripper.max_width), scene_of(shapes))
         poses = np.stack([_grasp(shapes[-1], rng) for _ in range(grasps)])
         targets = cell.last_frame(poses)

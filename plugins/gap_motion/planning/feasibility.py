@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gap_motion.arguments import Cell
+from gap_motion.arguments import ArmModel
 from gap_motion.collision.checker import Checker
 from gap_motion.planning.goals import free_goals, within_limits
 from gap_motion.planning.moves import back_off
@@ -25,7 +25,7 @@ class Feasible(NamedTuple):
     corridor: Array
 
 
-def assess(cell: Cell, free: Checker, reaching: Checker, grasps: Array, offset: float, near: Array) -> Feasible:
+def assess(cell: ArmModel, free: Checker, reaching: Checker, grasps: Array, offset: float, near: Array) -> Feasible:
     """Assess M grasps, poses of the frame behind the last joint, approached from `offset` [m] before."""
     count = len(grasps)
     before = back_off(cell, grasps, offset)

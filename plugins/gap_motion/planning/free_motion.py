@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gap_motion.arguments import Cell
+from gap_motion.arguments import ArmModel
 from gap_motion.collision.checker import Checker
 from gap_motion.kinematics.ik import nearest
 from gap_motion.planning.goals import cheapest_free, free_goals, within_limits
@@ -116,7 +116,7 @@ def to_grasps(
     return _approached(free, reaching, start, lines, seed, search)
 
 
-def approach_line(cell: Cell, q: Array, before: Array, grasp: Array) -> Array:
+def approach_line(cell: ArmModel, q: Array, before: Array, grasp: Array) -> Array:
     """Joint waypoints of the straight line from `before` to `grasp` (4, 4), starting at `q` (n,)."""
     way = interpolate(before @ cell.chain.tcp, grasp @ cell.chain.tcp, waypoint_count(before, grasp))
     return follow(cell.chain, way @ np.linalg.inv(cell.chain.tcp), q, "the approach")
@@ -188,7 +188,7 @@ def _flatten(rows: list[Array]) -> tuple[Array, Array]:
     return (np.concatenate(rows) if len(owner) else np.zeros((0, 0))), owner
 
 
-def _no_goal(cell: Cell, checker: Checker, poses: Array, rows: list[Array], start: Array) -> PlanningError:
+def _no_goal(cell: ArmModel, checker: Checker, poses: Array, rows: list[Array], start: Array) -> PlanningError:
     """Why none of the poses has a free configuration, told of the first that can be reached at all."""
     reached = next((q for q in rows if len(q)), None)
     try:

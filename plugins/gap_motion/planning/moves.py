@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gap_motion.arguments import STEP, Cell
+from gap_motion.arguments import STEP, ArmModel
 from gap_motion.kinematics.ik import nearest
 from gap_motion.planning.line import follow, interpolate, waypoint_count
 from gap_motion.planning.paths import polyline, spline, velocity_limits, without_repeats
@@ -13,7 +13,7 @@ from gap_runtime.contracts.failures import PlanningError
 from gap_runtime.contracts.types import Array, Trajectory
 
 
-def to_pose(cell: Cell, start: Array, last_frame: Array, z_approach: float = 0.0) -> Trajectory:
+def to_pose(cell: ArmModel, start: Array, last_frame: Array, z_approach: float = 0.0) -> Trajectory:
     """Joint motion to the configuration nearest to `start` for a pose (4, 4) of the frame behind the last joint.
 
     With `z_approach` [m], first to the pose backed off along the TCP's approach axis, then straight in without
@@ -29,7 +29,7 @@ def to_pose(cell: Cell, start: Array, last_frame: Array, z_approach: float = 0.0
 
 
 def straight(
-    cell: Cell, start: Array, goal: Array, count: int = 0, speed: float = np.inf, turning: float = np.inf
+    cell: ArmModel, start: Array, goal: Array, count: int = 0, speed: float = np.inf, turning: float = np.inf
 ) -> Trajectory:
     """A straight line of the TCP from the joints `start` (n,) to `goal` (4, 4), both as frames behind the last joint.
 
@@ -43,7 +43,7 @@ def straight(
     return time_path(path, cell.chain, rate=float(path.x[-1]) / fastest)
 
 
-def line_waypoints(cell: Cell, start: Array, goal: Array, count: int = 0) -> tuple[Array, float, float]:
+def line_waypoints(cell: ArmModel, start: Array, goal: Array, count: int = 0) -> tuple[Array, float, float]:
     """Joint waypoints (M, n) along the TCP's line, its length [m] and the angle it turns [rad]."""
     T_start, T_goal = (cell.chain.poses(start, cell.chain.tcp)[0], goal @ cell.chain.tcp)
     distance = float(np.linalg.norm(T_goal[:3, 3] - T_start[:3, 3]))
@@ -55,7 +55,7 @@ def line_waypoints(cell: Cell, start: Array, goal: Array, count: int = 0) -> tup
     return follow(cell.chain, way @ np.linalg.inv(cell.chain.tcp), start), distance, angle
 
 
-def back_off(cell: Cell, last_frame: Array, distance: float) -> Array:
+def back_off(cell: ArmModel, last_frame: Array, distance: float) -> Array:
     """Poses (..., 4, 4) of the frame behind the last joint, `distance` [m] back along the TCP's approach axis."""
     T = last_frame.copy()
     T[..., :3, 3] -= distance * (last_frame @ cell.chain.tcp)[..., :3, 2]

@@ -6,15 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gap_motion.arguments import Cell
+from gap_motion.arguments import ArmModel
 from gap_motion.collision.sphere_batch import layout
 from gap_motion.kinematics.robot_model import make_body
 from gap_motion.timing.limits import refuse
 from gap_motion.timing.timing import PERIOD
+from gap_runtime.contracts.cell import LockstepCell
 from gap_runtime.contracts.failures import MotionError
 from gap_runtime.contracts.tool import ToolContext
 from gap_runtime.contracts.types import Array, Trajectory
-from gap_runtime.contracts.world import LockstepWorld
 
 APART = 0.01  # m kept between two arms
 NEARER = 1e-3  # m: how much nearer one arm may come to another that it is too near to already
@@ -43,14 +43,14 @@ def in_step(trajectories: Sequence[Trajectory]) -> list[Trajectory]:
     return out
 
 
-def move_together(ctx: ToolContext, cells: Sequence[Cell], planned: Sequence[Trajectory], tolerance: float) -> None:
+def move_together(ctx: ToolContext, cells: Sequence[ArmModel], planned: Sequence[Trajectory], tolerance: float) -> None:
     """Let every cell's arm follow its trajectory at the same time.
 
     Raises `MotionError`: `refused` when one breaks its limits, or two arms would come within `APART`; `unsupported`
     when the world cannot move arms together.
     """
-    world = ctx.world
-    if not isinstance(world, LockstepWorld):
+    world = ctx.cell
+    if not isinstance(world, LockstepCell):
         raise MotionError(
             "unsupported", "This world cannot move several arms at once.", hint="Move one after the other."
         )
@@ -63,7 +63,7 @@ def move_together(ctx: ToolContext, cells: Sequence[Cell], planned: Sequence[Tra
         world.execute({cell.arm_id: motion for cell, motion in zip(cells, motions, strict=True)}, tolerance=tolerance)
 
 
-def refuse_meeting(cells: Sequence[Cell], motions: Sequence[Trajectory]) -> None:
+def refuse_meeting(cells: Sequence[ArmModel], motions: Sequence[Trajectory]) -> None:
     """Raise `MotionError` (`refused`, why `arms_meet`) when two arms come too near, with links and time."""
     for i, (a, motion_a) in enumerate(zip(cells, motions, strict=True)):
         for b, motion_b in zip(cells[:i], motions[:i], strict=True):
@@ -73,15 +73,15 @@ def refuse_meeting(cells: Sequence[Cell], motions: Sequence[Trajectory]) -> None
                 raise _meeting(b, a, float(gaps[at]), names[at][::-1], float(motion_a.times[at]))
 
 
-def refuse_meeting_others(ctx: ToolContext, cell: Cell, motion: Trajectory) -> None:
+def refuse_meeting_others(ctx: ToolContext, cell: ArmModel, motion: Trajectory) -> None:
     """Raise `MotionError` (`refused`, why `arms_meet`) when one arm's motion comes too near another arm of the cell.
 
     The others count where they are and where they are going. An arm that is too near already may go away from it.
     """
-    for arm_id, arm in enumerate(ctx.world.arms):
+    for arm_id, arm in enumerate(ctx.cell.arms):
         if arm_id == cell.arm_id:
             continue
-        other = Cell(arm, arm_id)
+        other = ArmModel(arm, arm_id)
         for q in other.whereabouts():
             (pa, ra, na), (pb, rb, nb) = _spheres(cell, motion.positions), _spheres(other, q[None])
             gap = np.linalg.norm(pa[:, :, :, None] - pb[:, :, None], axis=1) - ra[:, None] - rb
@@ -91,7 +91,7 @@ def refuse_meeting_others(ctx: ToolContext, cell: Cell, motion: Trajectory) -> N
                 raise _meeting(other, cell, float(gap[k, i, j]), (nb[j], na[i]), float(motion.times[k]))
 
 
-def _meeting(a: Cell, b: Cell, gap: float, links: tuple[str, str], time: float) -> MotionError:
+def _meeting(a: ArmModel, b: ArmModel, gap: float, links: tuple[str, str], time: float) -> MotionError:
     return MotionError(
         "refused",
         f"Motion refused: arms {a.arm_id} and {b.arm_id} would come within {gap * 1000:.0f} mm of each other "
@@ -100,7 +100,7 @@ def _meeting(a: Cell, b: Cell, gap: float, links: tuple[str, str], time: float) 
     )
 
 
-def _gaps(a: Cell, qa: Array, b: Cell, qb: Array) -> tuple[Array, list[tuple[str, str]]]:
+def _gaps(a: ArmModel, qa: Array, b: ArmModel, qb: Array) -> tuple[Array, list[tuple[str, str]]]:
     """The smallest distance between two arms at each of N instants, (N,), and the links it is between."""
     (pa, ra, na), (pb, rb, nb) = _spheres(a, qa), _spheres(b, qb)
     gaps, names = np.empty(len(qa)), []
@@ -112,7 +112,7 @@ def _gaps(a: Cell, qa: Array, b: Cell, qb: Array) -> tuple[Array, list[tuple[str
     return gaps, names
 
 
-def _spheres(cell: Cell, q: Array) -> tuple[Array, Array, list[str]]:
+def _spheres(cell: ArmModel, q: Array) -> tuple[Array, Array, list[str]]:
     body = make_body(cell.chain, cell.arm.state().gripper.width)
     plan = layout(body)
     columns = np.concatenate(plan.spheres)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gap_motion.arguments import Cell
+from gap_motion.arguments import ArmModel
 from gap_motion.collision.checker import MARGIN, Checker
 from gap_motion.collision.world import Scene, graspable, make_scene, with_spheres
 from gap_motion.kinematics.chain import sphere_centers
@@ -31,7 +31,7 @@ class Situation:
     The TCP stays in the `workspace`, two corners (2, 3) in the world [m], or comes back into it.
     """
 
-    cell: Cell
+    cell: ArmModel
     body: Body
     scene: Scene
     margin: float = MARGIN
@@ -53,10 +53,10 @@ class Situation:
         """
         if not 0.0 <= margin <= 0.1:
             raise BadRequestError("range", f"collision_margin must be 0 to 0.1 m, got {margin}.")
-        cell = Cell.of(ctx, arm_id)
+        cell = ArmModel.of(ctx, arm_id)
         scene = make_scene(config, without)
-        for other, arm in enumerate(ctx.world.arms):
-            for q in Cell(arm, other).whereabouts() if other != arm_id else ():
+        for other, arm in enumerate(ctx.cell.arms):
+            for q in ArmModel(arm, other).whereabouts() if other != arm_id else ():
                 centers = sphere_centers(arm.spec, q, arm.state().gripper.width)
                 T = arm.base_pose.matrix
                 radii = np.array([s.radius for s in arm.spec.spheres])

@@ -6,18 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from gap_motion.arguments import Cell
+from gap_motion.arguments import ArmModel
+from gap_runtime.contracts.cell import Setpoint
 from gap_runtime.contracts.failures import MotionError
 from gap_runtime.contracts.task import Task
 from gap_runtime.contracts.types import Array, Trajectory
-from gap_runtime.contracts.world import Setpoint
 
 START = 0.02  # rad between a trajectory's start and the arm
 SLACK = 1.02  # of a rate limit: what differences of samples may show beyond the motion they were taken from
 RATES = (("velocity", "rad/s"), ("acceleration", "rad/s^2"), ("jerk", "rad/s^3"))
 
 
-def refuse(cell: Cell, trajectory: Trajectory, task: Task, now: Array, flying: Setpoint | None = None) -> None:
+def refuse(cell: ArmModel, trajectory: Trajectory, task: Task, now: Array, flying: Setpoint | None = None) -> None:
     """Raise `MotionError` (`refused`) unless the whole trajectory may run from the joints `now` (n,).
 
     It must begin at rest, or take over from the `flying` set-point, and end at rest. `detail["why"]` is `not_finite`,
@@ -45,7 +45,7 @@ def refuse(cell: Cell, trajectory: Trajectory, task: Task, now: Array, flying: S
         )
 
 
-def workspace_excess(cell: Cell, q: Array, task: Task) -> Array:
+def workspace_excess(cell: ArmModel, q: Array, task: Task) -> Array:
     """How far the TCP is outside the task's workspace box at configurations (N, n) [m], 0 inside; shape (N,)."""
     return _outside(cell.tcp(q)[:, :3, 3], task)
 
@@ -55,7 +55,7 @@ def _outside(p: Array, task: Task) -> Array:
     return np.asarray(np.maximum(np.maximum(low - p, p - high), 0.0).max(axis=1))
 
 
-def _limits(cell: Cell, q: Array) -> None:
+def _limits(cell: ArmModel, q: Array) -> None:
     low, high = (np.array([getattr(x, k) for x in cell.spec.limits]) for k in ("lower", "upper"))
     excess = np.maximum(low - q, q - high).max(axis=0)
     if excess.max() > 1e-6:
@@ -64,7 +64,7 @@ def _limits(cell: Cell, q: Array) -> None:
         raise _refused("limits", f"{joint} would leave its range by {excess[worst]:.4f} rad", joint=joint)
 
 
-def _rates(cell: Cell, times: Array, q: Array, flying: Setpoint | None) -> None:
+def _rates(cell: ArmModel, times: Array, q: Array, flying: Setpoint | None) -> None:
     """Divided differences of the samples against each limit, together with what goes before and comes after them.
 
     So a command that does not begin with the motion the arm is in, or does not end at rest, breaks the jerk's.
@@ -101,7 +101,7 @@ def _with_ends(times: Array, q: Array, flying: Setpoint | None) -> tuple[Array, 
     return np.concatenate([times[0] + before, times, times[-1] + after]), np.concatenate([earlier, q, later])
 
 
-def _tcp_speed(cell: Cell, times: Array, p: Array) -> None:
+def _tcp_speed(cell: ArmModel, times: Array, p: Array) -> None:
     if len(times) < 2:
         return
     speed = float((np.linalg.norm(np.diff(p, axis=0), axis=1) / np.diff(times)).max())

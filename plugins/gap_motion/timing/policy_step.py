@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gap_motion.arguments import STEP, Cell
+from gap_motion.arguments import STEP, ArmModel
 from gap_motion.kinematics.damped_least_squares import descend
 from gap_motion.kinematics.ik import nearest
 from gap_motion.timing.timing import SPEED
+from gap_runtime.contracts.cell import Setpoint
 from gap_runtime.contracts.failures import BadRequestError, MotionError
 from gap_runtime.contracts.types import Array, Trajectory
-from gap_runtime.contracts.world import Setpoint
 
 TRANSLATION, ROTATION = 0.05, 0.5  # m, rad that an entry of 1 stands for, as robosuite's OSC_POSE controller scales it
 ENTRIES = 7
@@ -53,13 +53,13 @@ def checked_action(action: Sequence[float]) -> Array:
     return values
 
 
-def begin(cell: Cell) -> Stream:
+def begin(cell: ArmModel) -> Stream:
     """A stream of actions that starts where the arm is."""
     q = cell.arm.setpoint().goal
     return Stream(cell.chain.tcp_poses(q)[0], q)
 
 
-def step(cell: Cell, stream: Stream, action: Array) -> Stream:
+def step(cell: ArmModel, stream: Stream, action: Array) -> Stream:
     """The target moved by an action: translation and rotation vector in the arm's base frame.
 
     Raises `PlanningError` (`unreachable`, `limits`), `MotionError` (`refused`).
@@ -72,7 +72,7 @@ def step(cell: Cell, stream: Stream, action: Array) -> Stream:
     return Stream(target, _solve(cell, target @ np.linalg.inv(cell.chain.tcp), stream.goal))
 
 
-def _solve(cell: Cell, last_frame: Array, seed: Array) -> Array:
+def _solve(cell: ArmModel, last_frame: Array, seed: Array) -> Array:
     limits = (cell.chain.low, cell.chain.high)
     q = descend(cell.chain, last_frame[None], seed[None], limits, iterations=40)[0]
     if np.isfinite(q).all() and np.abs(q - seed).max() < JUMP:
@@ -87,7 +87,7 @@ def _solve(cell: Cell, last_frame: Array, seed: Array) -> Array:
     )
 
 
-def to_rest(cell: Cell, now: Setpoint, goal: Array) -> Trajectory:
+def to_rest(cell: ArmModel, now: Setpoint, goal: Array) -> Trajectory:
     """The jerk-limited motion from a moving set-point to rest at `goal` (n,), all joints arriving together (ruckig)."""
     from ruckig import InputParameter, Result, Ruckig
     from ruckig import Trajectory as Course

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import numpy as np
 
-from gap_motion.arguments import STEP, Cell, finite, joints_of, pose_matrix, positive
+from gap_motion.arguments import STEP, ArmModel, finite, joints_of, pose_matrix, positive
 from gap_motion.planning import moves
 from gap_motion.planning.multi_arm import move_together, refuse_meeting_others
 from gap_motion.ready import at_rest
@@ -32,7 +32,7 @@ def go_to_pose_arm(
 
     Arguments as in GoToPose. Raises `BadRequestError` (`unknown_arm`, ...), `PlanningError`, `MotionError`.
     """
-    cell = Cell.of(ctx, arm_id)
+    cell = ArmModel.of(ctx, arm_id)
     target = cell.last_frame(pose_matrix(pose, "pose"), tcp_offset)
     back = _approach(z_approach)
     start = at_rest(cell)
@@ -57,7 +57,7 @@ def go_to_pose_both(
     Arguments as in GoToPose. Refused when the arms would meet. Raises `BadRequestError`, `PlanningError`,
     `MotionError`.
     """
-    cells = [Cell.of(ctx, 0), Cell.of(ctx, 1)]
+    cells = [ArmModel.of(ctx, 0), ArmModel.of(ctx, 1)]
     targets = [
         cell.last_frame(pose_matrix(pose, what), tcp_offset)
         for cell, pose, what in zip(cells, (pose_arm0, pose_arm1), ("pose_arm0", "pose_arm1"), strict=True)
@@ -76,7 +76,7 @@ def move_to_joints_both(
     One of `max_steps` is 50 ms of planned motion. Refused when the arms would meet. Raises `BadRequestError`,
     `PlanningError` (`budget`), `MotionError`.
     """
-    cells = [Cell.of(ctx, 0), Cell.of(ctx, 1)]
+    cells = [ArmModel.of(ctx, 0), ArmModel.of(ctx, 1)]
     goals = [
         joints_of(state, cell.spec, what)
         for cell, state, what in zip(cells, (joints_arm0, joints_arm1), ("joints_arm0", "joints_arm1"), strict=True)
@@ -102,7 +102,7 @@ def apply_policy_action(ctx: ToolContext, action: list[float], arm_id: int = 0) 
     Raises `BadRequestError`, `PlanningError`, `MotionError`.
     """
     values = checked_action(action)
-    cell = Cell.of(ctx, arm_id)
+    cell = ArmModel.of(ctx, arm_id)
     key, grip = f"policy_stream:{arm_id}", f"policy_grip:{arm_id}"
     stream = ctx.state.get(key)
     if not isinstance(stream, Stream) or not stream.goes_on(cell.arm.setpoint()):
@@ -119,7 +119,7 @@ def apply_policy_action(ctx: ToolContext, action: list[float], arm_id: int = 0) 
     if closed is not None and ctx.state.get(grip) != closed:
         cell.arm.set_gripper(0.0 if closed else cell.spec.gripper.max_width, wait=False)
         ctx.state[grip] = closed
-    ctx.world.wait(STEP)
+    ctx.cell.wait(STEP)
 
 
 def _approach(distance: float) -> float:

@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from gap_motion.arguments import Cell, arm_of, finite, joints_of, pose_matrix, positive, trajectory_of
+from gap_motion.arguments import ArmModel, arm_of, finite, joints_of, pose_matrix, positive, trajectory_of
 from gap_motion.planning import moves
 from gap_motion.planning.multi_arm import move_together, refuse_meeting_others
 from gap_motion.ready import at_rest
@@ -53,7 +53,7 @@ def go_to_pose(
     failed, the arm's next command raises that failure instead of beginning.
     Raises `BadRequestError`, `PlanningError` (`unreachable`, `limits`, `no_path`, `budget`), `MotionError`.
     """
-    cell = Cell.of(ctx, 0)
+    cell = ArmModel.of(ctx, 0)
     if finite(z_approach, "z_approach") < 0:
         raise BadRequestError("range", f"z_approach must not be negative, got {z_approach}.")
     target = cell.last_frame(pose_matrix(pose, "pose"), tcp_offset)
@@ -77,7 +77,7 @@ def go_to_pose_cartesian(
     Refused before it starts when it would take longer than `timeout_s` [s].
     Raises `BadRequestError`, `PlanningError` (`unreachable`, `limits`, `no_path`, `budget`), `MotionError`.
     """
-    cell = Cell.of(ctx, 0)
+    cell = ArmModel.of(ctx, 0)
     speed, turning = positive(lin_vel_norm, "lin_vel_norm"), positive(ang_vel_norm, "ang_vel_norm")
     longest, target = positive(timeout_s, "timeout_s"), cell.last_frame(pose_matrix(pose, "pose"))
     start = at_rest(cell)
@@ -96,7 +96,7 @@ def execute_joint_trajectory(
     Of its points only every `subsample`-th is kept, and the last. Raises `BadRequestError`, `MotionError` (`refused`
     when it leaves a limit or the workspace; nothing has moved then).
     """
-    cell = Cell.of(ctx, 0)
+    cell = ArmModel.of(ctx, 0)
     if subsample < 1:
         raise BadRequestError("range", f"subsample must be at least 1, got {subsample}.")
     planned = trajectory_of(trajectory, cell.spec)
@@ -113,7 +113,7 @@ def move_to_joints(ctx: ToolContext, joint_config: JointState, tolerance: float 
 
     One of `max_steps` is 50 ms of planned motion. Raises `BadRequestError`, `PlanningError` (`budget`), `MotionError`.
     """
-    cell = Cell.of(ctx, 0)
+    cell = ArmModel.of(ctx, 0)
     goal = joints_of(joint_config, cell.spec, "joint_config")
     near = positive(tolerance, "tolerance")
     start = at_rest(cell)
@@ -127,7 +127,7 @@ def go_home(ctx: ToolContext) -> None:
 
     Raises `MotionError`.
     """
-    cells = [Cell.of(ctx, arm_id) for arm_id in range(len(ctx.world.arms))]
+    cells = [ArmModel.of(ctx, arm_id) for arm_id in range(len(ctx.cell.arms))]
     homes = [np.array(ctx.task.robots[cell.arm_id].home or cell.spec.home) for cell in cells]
     planned = [
         point_to_point(cell.chain, np.stack([at_rest(cell), home])) for cell, home in zip(cells, homes, strict=True)
@@ -139,7 +139,12 @@ def go_home(ctx: ToolContext) -> None:
 
 
 def _run(
-    ctx: ToolContext, cell: Cell, planned: Trajectory, start: Array, tolerance: float = 0.01, nonblocking: bool = False
+    ctx: ToolContext,
+    cell: ArmModel,
+    planned: Trajectory,
+    start: Array,
+    tolerance: float = 0.01,
+    nonblocking: bool = False,
 ) -> None:
     ctx.raise_if_cancelled()
     refuse(cell, planned, ctx.task, start)

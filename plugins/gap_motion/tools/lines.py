@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from gap_motion.arguments import Cell, finite, joints_of, pose_matrix, positive, unit_vector
+from gap_motion.arguments import ArmModel, finite, joints_of, pose_matrix, positive, unit_vector
 from gap_motion.collision.checker import MARGIN
 from gap_motion.planning.cartesian_constraints import directed_end, held_end
 from gap_motion.planning.grasp_motion import grasp_motion
@@ -130,7 +130,7 @@ def plan_grasp_motion(
 
 
 def _line(situation: Situation, start: Array, first: Array, end: Array, count: int) -> Line:
-    cell: Cell = situation.cell
+    cell: ArmModel = situation.cell
     try:
         _starts_there(cell, start, first)
         checker = situation.checker(start)
@@ -144,7 +144,7 @@ def _line(situation: Situation, start: Array, first: Array, end: Array, count: i
     return Line(True, trajectory, "")
 
 
-def _starts_there(cell: Cell, start: Array, pose: Array) -> None:
+def _starts_there(cell: ArmModel, start: Array, pose: Array) -> None:
     T = cell.tcp(start)[0]
     off = float(np.linalg.norm(T[:3, 3] - pose[:3, 3]))
     turned = float(np.linalg.norm(T[:3, :3] - pose[:3, :3]))

@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from gap_motion.arguments import Cell, finite, joints_of, pose_list, pose_matrix
+from gap_motion.arguments import ArmModel, finite, joints_of, pose_list, pose_matrix
 from gap_motion.collision.checker import MARGIN
 from gap_motion.kinematics.ik import nearest
 from gap_motion.planning.free_motion import to_grasps, to_poses
@@ -162,7 +162,7 @@ def solve_ik(
     """
     if num_seeds < 1:
         raise BadRequestError("range", f"num_seeds must be at least 1, got {num_seeds}.")
-    cell = Cell.of(ctx, arm_id)
+    cell = ArmModel.of(ctx, arm_id)
     target = cell.last_frame(pose_matrix(target_pose, "target_pose"), tcp_offset)
     seed = cell.joints() if seed_config is None else joints_of(seed_config, cell.spec, "seed_config")
     return Solution(True, JointState(nearest(cell.chain, target, np.asarray(seed), "target_pose")))

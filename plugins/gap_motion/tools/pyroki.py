@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from gap_motion.arguments import Cell, joints_of, pose_matrix, positive
+from gap_motion.arguments import ArmModel, joints_of, pose_matrix, positive
 from gap_motion.kinematics.ik import nearest
 from gap_motion.planning import moves
 from gap_runtime.contracts.failures import BadRequestError
@@ -41,7 +41,7 @@ def solve_ik(
     Raises `BadRequestError`, or `PlanningError` (`unreachable`, `limits` with joint and excess); `success` is true
     whenever it returns.
     """
-    cell = Cell.of(ctx, 0)
+    cell = ArmModel.of(ctx, 0)
     target = cell.last_frame(pose_matrix(target_pose, "target_pose"), tcp_offset, target_link_name)
     seed = cell.joints() if prev_config is None else joints_of(prev_config, cell.spec, "prev_config")
     return Solution(JointState(nearest(cell.chain, target, seed, "target_pose")), True)
@@ -61,7 +61,7 @@ def plan_linear(
     `num_waypoints` poses at least, on one branch. Raises `BadRequestError`, or `PlanningError` (`unreachable`,
     `limits`, `no_path`, with the waypoint); `success` is true whenever it returns.
     """
-    cell = Cell.of(ctx, 0)
+    cell = ArmModel.of(ctx, 0)
     if not 2 <= num_waypoints <= 1000:
         raise BadRequestError("range", f"num_waypoints must be 2 to 1000, got {num_waypoints}.")
     first, last = (

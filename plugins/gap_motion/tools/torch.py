@@ -6,7 +6,7 @@ from typing import Annotated
 
 import numpy as np
 
-from gap_motion.arguments import Cell, joints_of, pose_matrix
+from gap_motion.arguments import ArmModel, joints_of, pose_matrix
 from gap_motion.failures import joint_range
 from gap_motion.kinematics.damped_least_squares import descend
 from gap_motion.tools.pyroki import Solution
@@ -29,7 +29,7 @@ def solve_ik_torch(
     """
     from gap_motion.kinematics.ik_torch import solve_batch
 
-    cell = Cell.of(ctx, 0)
+    cell = ArmModel.of(ctx, 0)
     target = cell.last_frame(pose_matrix(target_pose, "target_pose"), tcp_offset, target_link_name)[None]
     seed = cell.joints() if prev_config is None else joints_of(prev_config, cell.spec, "prev_config")
     q = solve_batch(cell.chain, target, np.asarray(seed))

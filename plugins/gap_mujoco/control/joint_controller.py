@@ -11,10 +11,10 @@ from gap_mujoco.control.parallel_gripper import Jaws
 from gap_mujoco.control.setpoints import Applied
 from gap_mujoco.model.compiled import TIMESTEP
 from gap_mujoco.physics import Physics
+from gap_runtime.contracts.cell import Setpoint
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.task import RobotPlacement
 from gap_runtime.contracts.types import ArmState, Array, JointState, Quaternion, Se3Pose, Vec3
-from gap_runtime.contracts.world import Setpoint
 
 if TYPE_CHECKING:
     from gap_mujoco.control.trajectory_follower import Motion

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import cv2
 
+from gap_runtime.contracts.cell import Cell, CellFrame
 from gap_runtime.contracts.failures import BadRequestError
 from gap_runtime.contracts.types import Array
-from gap_runtime.contracts.world import World, WorldFrame
 
 FPS = 20
 MAX_FRAMES = 6000  # five minutes, some 300 MB of 640x480 JPEG: memory is finite
@@ -25,7 +25,7 @@ class Reel:
     def __len__(self) -> int:
         return len(self._frames)
 
-    def start(self, world: World) -> None:
+    def start(self, world: Cell) -> None:
         """Film from now on."""
         if self._unsubscribe is None:
             self._unsubscribe = world.subscribe(self._add, FPS, (self._camera,))
@@ -52,7 +52,7 @@ class Reel:
         writer.release()
         return len(self._frames)
 
-    def _add(self, frame: WorldFrame) -> None:
+    def _add(self, frame: CellFrame) -> None:
         if len(self._frames) < MAX_FRAMES:
             bgr = frame.observation.cameras[0].rgb.data[:, :, ::-1]
             self._size = (bgr.shape[1], bgr.shape[0])

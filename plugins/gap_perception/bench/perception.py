@@ -11,21 +11,21 @@ from gap_perception.bench.scenes import LEVELS, Clutter, bench_task, sample_scen
 from gap_perception.bench.truth import judge
 from gap_perception.frames import remember
 from gap_perception.scene.analyse import library_of
+from gap_runtime.contracts.cell import Cell
 from gap_runtime.contracts.failures import ToolError
 from gap_runtime.contracts.privilege import node_scope
 from gap_runtime.contracts.snapshot import WorldSnapshot
-from gap_runtime.contracts.standalone import Cell
+from gap_runtime.contracts.standalone import StandaloneContext
 from gap_runtime.contracts.task import Task
 from gap_runtime.contracts.types import CameraObservation, Mask, OrientedBoundingBox
-from gap_runtime.contracts.world import World
 
 CLEAN = "clean"  # the sensor level of perfect cameras
 Found = tuple[OrientedBoundingBox, Mask]
-Perceive = Callable[[Cell, list[CameraObservation], str], Found]
+Perceive = Callable[[StandaloneContext, list[CameraObservation], str], Found]
 Masks = Mapping[str, Mapping[str, Mask]]
 
 
-class BenchWorld(World, Protocol):
+class BenchWorld(Cell, Protocol):
     """A simulator that knows which pixels show what."""
 
     def true_masks(self) -> Masks:
@@ -66,7 +66,7 @@ def levels_of(task: Task) -> tuple[str, ...]:
 
 
 def measure(
-    cell: Cell, perceive: Perceive, seeds: Iterable[int], clutters: tuple[Clutter, ...] = LEVELS
+    cell: StandaloneContext, perceive: Perceive, seeds: Iterable[int], clutters: tuple[Clutter, ...] = LEVELS
 ) -> Iterator[Search]:
     """Look for every object of the task in every scene, in it or not. Levels of clutter take turns; seeds name scenes.
 
@@ -78,8 +78,8 @@ def measure(
         yield from _searches(cell, perceive, _arrange(cell, clutters[seed % len(clutters)], seed))
 
 
-def _arrange(cell: Cell, clutter: Clutter, seed: int) -> _Scene:
-    world: Any = cell.world
+def _arrange(cell: StandaloneContext, clutter: Clutter, seed: int) -> _Scene:
+    world: Any = cell.cell
     instance, present = sample_scene(cell.task, clutter, seed)
     world.reset(instance)
     observation = world.observe()
@@ -88,7 +88,7 @@ def _arrange(cell: Cell, clutter: Clutter, seed: int) -> _Scene:
     return _Scene(seed, clutter.name, present, observation.cameras, world.snapshot(), world.true_masks())
 
 
-def _searches(cell: Cell, perceive: Perceive, scene: _Scene) -> Iterator[Search]:
+def _searches(cell: StandaloneContext, perceive: Perceive, scene: _Scene) -> Iterator[Search]:
     """The first search of a scene pays for looking at the frames and is the one that is timed; objects take turns."""
     names = list(cell.task.objects)
     turn = scene.seed % len(names)

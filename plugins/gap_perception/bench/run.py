@@ -15,7 +15,7 @@ from gap_perception.bench.perception import CLEAN, Perceive, level_task, levels_
 from gap_perception.bench.pictures import Case, sheet, worst
 from gap_perception.bench.report import report
 from gap_runtime.contracts.bench import BenchReport, Picture, Progress
-from gap_runtime.contracts.standalone import Cell
+from gap_runtime.contracts.standalone import StandaloneContext
 from gap_runtime.contracts.task import Task, load_task
 from gap_runtime.contracts.tool import Tool
 from gap_runtime.contracts.types import CameraObservation, Mask, OrientedBoundingBox
@@ -86,14 +86,14 @@ _made: dict[str, Any] = {}  # what providers derive from the models, the same at
 
 
 @cache
-def _cell(level: str) -> Cell:
+def _cell(level: str) -> StandaloneContext:
     """This process's cell of a noise level; processes end without closing it."""
-    from gap_mujoco.world import MujocoWorld
+    from gap_mujoco.simulator import MujocoSimulator
     from gap_perception.bench.scenes import SCENE
     from gap_robots.panda import panda
 
     task, robots = level_task(_task(), level), {"panda": panda()}
-    return Cell(MujocoWorld(task, SCENE, robots), task, robots, _tools(), made=_made)
+    return StandaloneContext(MujocoSimulator(task, SCENE, robots), task, robots, _tools(), made=_made)
 
 
 def _one_core() -> None:
@@ -119,7 +119,9 @@ def skill_way() -> Perceive:
     spec.loader.exec_module(script)
     prompt = (folder / "prompts/select_box.md").read_text()
 
-    def perceive(cell: Cell, cameras: list[CameraObservation], label: str) -> tuple[OrientedBoundingBox, Mask]:
+    def perceive(
+        cell: StandaloneContext, cameras: list[CameraObservation], label: str
+    ) -> tuple[OrientedBoundingBox, Mask]:
         found = script.run(cell, cameras, label, prompt)
         return cell.tool("geometry_svc.FilterAndComputeOBB", point_cloud=found.cloud), found.mask
 

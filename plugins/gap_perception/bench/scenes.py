@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gap_runtime.contracts.simulator import Instance
 from gap_runtime.contracts.task import Placement, Task
 from gap_runtime.contracts.types import Array, Quaternion, Se3Pose, Vec3
-from gap_runtime.contracts.world import Instance
 
 SCENE = "bench"
 AREA = ((-0.25, 0.20), (-0.30, 0.15))  # m, x and y: where the arm reaches and both cameras look

@@ -23,17 +23,17 @@ def cell():
     registry = load_registry(entry_points=False)
     task = load_task(Path(__file__).parents[3] / "tasks" / "fulfill-grocery")
     robots = {r.model: registry.robot(r.model) for r in task.robots}
-    world = registry.worlds["mujoco"].value(task, "alphabet_soup", robots)
+    world = registry.cells["mujoco"].value(task, "alphabet_soup", robots)
     context = SimpleNamespace(
-        world=world, task=task, state={}, seed=0, robot=lambda arm_id=0: world.arms[arm_id].spec,
+        cell=world, task=task, state={}, seed=0, robot=lambda arm_id=0: world.arms[arm_id].spec,
         shared=lambda key, make: make(), raise_if_cancelled=lambda: None,
     )  # fmt: skip
-    yield SimpleNamespace(world=world, call=lambda name, **inputs: registry.tool(name)(context, **inputs))
+    yield SimpleNamespace(cell=world, call=lambda name, **inputs: registry.tool(name)(context, **inputs))
     world.close()
 
 
 def test_a_can_goes_into_the_basket(cell):
-    world, call = cell.world, cell.call
+    world, call = cell.cell, cell.call
     world.reset(world.sample(1))
     start = world.snapshot()
     can, basket = start.bodies["alphabet_soup"].box.center, start.bodies["basket"].box.center
@@ -55,7 +55,7 @@ def test_a_can_goes_into_the_basket(cell):
 
 
 def test_pushing_into_the_floor_is_reported_as_contact_and_the_arm_can_go_on(cell):
-    cell.world.reset(cell.world.sample(1))
+    cell.cell.reset(cell.cell.sample(1))
     with pytest.raises(MotionError) as error:
         cell.call("robot_control.GoToPoseCartesian", pose=Se3Pose(Vec3(-0.15, 0.0, 0.0), DOWN), lin_vel_norm=0.1)
     assert error.value.code in {"contact", "stalled", "tracking"}

@@ -21,15 +21,15 @@ DOWN = Quaternion(0.0, 1.0, 0.0, 0.0)
 def cell():
     registry = load_registry(entry_points=False)
     task = load_task(Path(__file__).parents[3] / "tasks" / "fulfill-grocery", "two-arms")
-    world = registry.worlds["mujoco"].value(
+    world = registry.cells["mujoco"].value(
         task, "alphabet_soup", {r.model: registry.robot(r.model) for r in task.robots}
     )
     context = SimpleNamespace(
-        world=world, task=task, state={}, seed=0, robot=lambda arm_id=0: world.arms[arm_id].spec,
+        cell=world, task=task, state={}, seed=0, robot=lambda arm_id=0: world.arms[arm_id].spec,
         shared=lambda key, make: make(), raise_if_cancelled=lambda: None,
     )  # fmt: skip
     world.reset(world.sample(0))
-    yield SimpleNamespace(world=world, call=lambda name, **inputs: registry.tool(name)(context, **inputs))
+    yield SimpleNamespace(cell=world, call=lambda name, **inputs: registry.tool(name)(context, **inputs))
     world.close()
 
 
@@ -38,52 +38,52 @@ def tcp(cell, arm):
 
 
 def test_both_arrive_together_and_one_alone_leaves_the_other(cell):
-    began = cell.world.time
+    began = cell.cell.time
     cell.call("robot_control.GoToPoseArm", arm_id=1, pose=Se3Pose(Vec3(0.3, 0.2, 0.4), DOWN))
-    alone = cell.world.time - began
-    other = cell.world.arms[0].state().joints.positions
-    np.testing.assert_allclose(other, cell.world.arms[0].spec.home, atol=5e-3)
+    alone = cell.cell.time - began
+    other = cell.cell.arms[0].state().joints.positions
+    np.testing.assert_allclose(other, cell.cell.arms[0].spec.home, atol=5e-3)
     poses = [Se3Pose(Vec3(-0.15, 0.2, 0.35), DOWN), Se3Pose(Vec3(0.1, -0.25, 0.35), DOWN)]
-    began = cell.world.time
+    began = cell.cell.time
     cell.call("robot_control.GoToPoseBoth", pose_arm0=poses[0], pose_arm1=poses[1])
-    assert cell.world.time - began < 2 * alone + 1.0
+    assert cell.cell.time - began < 2 * alone + 1.0
     for arm, pose in enumerate(poses):
         np.testing.assert_allclose(tcp(cell, arm).array, pose.position.array, atol=5e-3)
 
 
 def test_arms_that_would_meet_are_refused_before_they_move(cell):
-    before = [arm.state().joints.positions for arm in cell.world.arms]
+    before = [arm.state().joints.positions for arm in cell.cell.arms]
     spot = Se3Pose(Vec3(0.05, 0.0, 0.3), DOWN)
     with pytest.raises(MotionError) as error:
         cell.call("robot_control.GoToPoseBoth", pose_arm0=spot, pose_arm1=spot)
     assert error.value.code == "refused" and error.value.detail["why"] == "arms_meet"
-    for arm, q in zip(cell.world.arms, before, strict=True):
+    for arm, q in zip(cell.cell.arms, before, strict=True):
         np.testing.assert_array_equal(arm.state().joints.positions, q)
 
 
 def test_the_other_arm_is_an_obstacle_to_a_planner(cell):
     from gap_runtime.contracts.failures import PlanningError
 
-    spot = cell.world.arms[1].state().ee_pose
-    start = cell.world.arms[0].state().joints
+    spot = cell.cell.arms[1].state().ee_pose
+    start = cell.cell.arms[0].state().joints
     with pytest.raises(PlanningError) as error:
         cell.call("curobo.PlanToPose", target_pose=spot, start_joint_position=start)
     assert error.value.code == "in_collision" and "arm:1:" in str(error.value.detail["pair"])
 
 
 def test_joints_of_both_go_home_and_count_is_checked(cell):
-    home = cell.world.arms[0].spec.home
+    home = cell.cell.arms[0].spec.home
     with pytest.raises(BadRequestError):
         cell.call("robot_control.MoveToJointsBoth", joints_arm0=JointState(home), joints_arm1=JointState(home[:-1]))
     cell.call("robot_control.MoveToJointsBoth", joints_arm0=JointState(home), joints_arm1=JointState(home))
-    for arm in cell.world.arms:
+    for arm in cell.cell.arms:
         np.testing.assert_allclose(arm.state().joints.positions, home, atol=0.02)
 
 
 def test_a_policy_action_moves_the_tcp_by_its_delta(cell):
     before = tcp(cell, 0)
     cell.call("robot_control.ApplyPolicyAction", action=[0.5, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0])
-    cell.world.wait(1.0)
+    cell.cell.wait(1.0)
     after = tcp(cell, 0)
     np.testing.assert_allclose(after.array - before.array, [0.025, 0.0, -0.05], atol=1e-3)
     assert cell.call("gripper.GetPosition").width < 0.01

@@ -8,7 +8,7 @@ import pytest
 
 from gap_perception.bench.scenes import LEVELS, SCENE, bench_task, sample_scene
 from gap_runtime.contracts.privilege import node_scope
-from gap_runtime.contracts.standalone import Cell
+from gap_runtime.contracts.standalone import StandaloneContext
 from gap_runtime.contracts.task import load_task
 from gap_runtime.plugins import load_registry
 
@@ -25,8 +25,8 @@ def registry():
 def cell(registry):
     task = bench_task(load_task(TASK))
     robots = {p.model: registry.robot(p.model) for p in task.robots}
-    world = registry.worlds["mujoco"].value(task, SCENE, robots)
-    yield Cell(world, task, robots, registry.tools)
+    world = registry.cells["mujoco"].value(task, SCENE, robots)
+    yield StandaloneContext(world, task, robots, registry.tools)
     world.close()
 
 
@@ -34,14 +34,14 @@ def cell(registry):
 def present(cell):
     """Names of the objects in view."""
     instance, names = sample_scene(cell.task, LEVELS[1], SEED)
-    cell.world.reset(instance)
+    cell.cell.reset(instance)
     return names
 
 
 @pytest.fixture(scope="session")
 def truth(cell, present):
     """Ground truth, for judging only."""
-    return cell.world.snapshot()
+    return cell.cell.snapshot()
 
 
 @pytest.fixture

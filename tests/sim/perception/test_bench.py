@@ -22,7 +22,7 @@ def searches(cell):
 @pytest.fixture
 def forget():
     yield
-    bench_run._cell("realistic").world.close()
+    bench_run._cell("realistic").cell.close()
     bench_run._cell.cache_clear()
 
 

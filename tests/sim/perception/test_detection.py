@@ -5,8 +5,8 @@ import pytest
 
 from gap_perception.bench.scenes import SCENE
 from gap_runtime.contracts.privilege import node_scope
+from gap_runtime.contracts.simulator import Instance
 from gap_runtime.contracts.types import BoundingBox2D, Image, Quaternion, Se3Pose, Vec3
-from gap_runtime.contracts.world import Instance
 
 pytestmark = pytest.mark.sim
 
@@ -29,7 +29,7 @@ def test_every_object_in_view_is_found_once_and_no_other(cell, cameras, present)
 @pytest.fixture(scope="module")
 def shown(cell, present):
     """Which pixels truly show what, by camera and object."""
-    return cell.world.true_masks()
+    return cell.cell.true_masks()
 
 
 def test_detection_and_segmentation_cover_the_object(cell, shown, cameras, present):
@@ -135,10 +135,10 @@ def test_what_is_inside_the_basket_is_found_there(cell, present, truth):
     inside = Vec3(
         basket.x, basket.y, cell.task.objects["basket"].shape.floor + cell.task.objects[name].shape.size[2] / 2
     )
-    before = cell.world.snapshot()
+    before = cell.cell.snapshot()
     poses = {n: b.pose for n, b in before.bodies.items()}
     try:
-        cell.world.reset(Instance(0, SCENE, poses | {name: Se3Pose(inside, Quaternion(1, 0, 0, 0))}))
+        cell.cell.reset(Instance(0, SCENE, poses | {name: Se3Pose(inside, Quaternion(1, 0, 0, 0))}))
         cell.state.clear()
         with node_scope("test"):
             frames = cell.tool("observation.GetObservation").cameras
@@ -146,4 +146,4 @@ def test_what_is_inside_the_basket_is_found_there(cell, present, truth):
             assert cell.tool("molmo.QueryYesNo", prompt=question, image=frames[1].rgb, use_multiview=True).answer
             assert cell.tool("vlm.Query", prompt="Is the basket in the basket?", image=frames[1].rgb).text == "no"
     finally:
-        cell.world.reset(Instance(0, SCENE, poses))
+        cell.cell.reset(Instance(0, SCENE, poses))

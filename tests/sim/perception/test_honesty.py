@@ -54,15 +54,15 @@ def run(cell, observation):
 
 
 def test_no_provider_reads_simulator_state_and_the_same_frames_give_the_same_answers(cell, present):
-    blind = replace(cell, world=BlindWorld(cell.world), state={})
+    blind = replace(cell, cell=BlindWorld(cell.cell), state={})
     with node_scope("policy"):
         with pytest.raises(PrivilegedReadError):
-            cell.world.snapshot()
+            cell.cell.snapshot()
         blind.tool("observation.GetObservation")
-        first = run(blind, blind.world.observe())
+        first = run(blind, blind.cell.observe())
         blind.state.clear()
         blind.tool("observation.GetObservation")
-        assert run(blind, blind.world.observe()) == first
+        assert run(blind, blind.cell.observe()) == first
 
 
 @pytest.fixture

@@ -32,19 +32,19 @@ class Cell:
         scenes = {"milk": {"milk": "slot_b", "butter": "slot_e", "basket": "bin"}}
         self.task = task.model_copy(update={"scenes": scenes})
         robots = {p.model: REGISTRY.robot(p.model) for p in task.robots}
-        self.world = REGISTRY.worlds["mujoco"].value(self.task, "milk", robots)
+        self.cell = REGISTRY.cells["mujoco"].value(self.task, "milk", robots)
 
     def run(self, grasp: str, mode: str, folder: Path) -> tuple[list[str], bool]:
         """Grasp and carry once: the subgraphs that broke a promise, and whether the milk is in the basket at rest.
 
         Raises `ExecutionError` when the graph does not end with success.
         """
-        task, world = self.task, self.world
+        task, world = self.task, self.cell
         graph, checkpoints = graph_of(task, grasp, mode, folder)
         conditions = make_conditions(task, [{"target": "milk", "container": "basket"}])
         world.reset(world.sample(SEED))
         watch = Watch(world, graph, checkpoints, conditions.objects)
-        setup = RunSetup(world=world, task=task, seed=SEED, world_budget_s=task.max_time, lockstep=True)
+        setup = RunSetup(cell=world, task=task, seed=SEED, world_budget_s=task.max_time, lockstep=True)
         run_graph(graph, setup, [watch]).raise_for_status()
         return [visit["node"] for visit in watch.subgraphs if not visit["passed"]], judge(world, conditions).success
 

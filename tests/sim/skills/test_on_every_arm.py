@@ -16,9 +16,9 @@ JOBS = [*((grasp, CARRIES[0]) for grasp in GRASPS), *((GRASPS[0], mode) for mode
 @pytest.fixture(scope="module", params=VARIANTS)
 def cell(request):
     made = Cell(VARIANTS[request.param])
-    assert [arm.spec.name for arm in made.world.arms] == [request.param]
+    assert [arm.spec.name for arm in made.cell.arms] == [request.param]
     yield made
-    made.world.close()
+    made.cell.close()
 
 
 @pytest.mark.parametrize(("grasp", "mode"), JOBS)
@@ -32,10 +32,10 @@ def test_one_arm_does_the_job_while_another_stands_by(tmp_path):
     try:
         broken, success = cell.run(GRASPS[0], "collision_aware", tmp_path)
         assert broken == [] and success
-        for arm in cell.world.arms:
+        for arm in cell.cell.arms:
             np.testing.assert_allclose(arm.state().joints.positions, arm.spec.home, atol=0.01)
     finally:
-        cell.world.close()
+        cell.cell.close()
 
 
 def test_nothing_that_should_be_tried_is_missing():

@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 from gap_cli.author.build import build
 from gap_cli.author.plans import Plan, PlanData, Segment
 from gap_cli.skills import load_library
+from gap_runtime.contracts.simulator import Instance
 from gap_runtime.contracts.task import ObjectModel, Task, load_task
 from gap_runtime.contracts.tool import Tool
 from gap_runtime.contracts.types import Quaternion, Se3Pose, Vec3
-from gap_runtime.contracts.world import Instance
 from gap_runtime.graph.compile import compile_workflow
 from gap_runtime.graph.names import contract_names
 from gap_runtime.plugins import load_registry
@@ -100,10 +100,10 @@ class Kitchen:
         self.robots = {p.model: REGISTRY.robot(p.model) for p in self.task.robots}
         self.worlds: dict[str, Any] = {}
 
-    def world(self, scene: str, **poses: tuple[float, ...]) -> Any:
+    def cell(self, scene: str, **poses: tuple[float, ...]) -> Any:
         """The world of a scene, reset with its objects at x, y [m] and yaw [deg]; what is not named stands far away."""
         if scene not in self.worlds:
-            self.worlds[scene] = REGISTRY.worlds["mujoco"].value(self.task, scene, self.robots)
+            self.worlds[scene] = REGISTRY.cells["mujoco"].value(self.task, scene, self.robots)
         away = {name: (-1.15, 0.9 - 0.3 * i, 0.0) for i, name in enumerate(self.task.scenes[scene])}
         placed = {name: standing(self.task, name, *pose) for name, pose in (away | poses).items()}
         self.worlds[scene].reset(Instance(1, scene, placed))
@@ -127,7 +127,7 @@ class Kitchen:
             if event.kind == "subgraph_exited":
                 ran.outputs |= event.data["outputs"]
 
-        ran.result = run_graph(graph, RunSetup(world=world, task=self.task, seed=1, lockstep=True), [listen])
+        ran.result = run_graph(graph, RunSetup(cell=world, task=self.task, seed=1, lockstep=True), [listen])
         return ran
 
     def close(self) -> None:

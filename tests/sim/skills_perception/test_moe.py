@@ -15,7 +15,7 @@ HANDLE = ("frying pan", "handle of the frying pan")
 
 def lifted(kitchen, world, name, height=0.12):
     """Lift by motion, as whoever comes after the skill would; how far the object came up [m], in the hand."""
-    ctx = SimpleNamespace(world=world, task=kitchen.task, state={}, robot=lambda arm_id=0: world.arms[arm_id].spec,
+    ctx = SimpleNamespace(cell=world, task=kitchen.task, state={}, robot=lambda arm_id=0: world.arms[arm_id].spec,
                           shared=lambda key, make: make(), raise_if_cancelled=lambda: None)  # fmt: skip
     at = world.arms[0].state().ee_pose
     goal = Se3Pose(Vec3(at.position.x, at.position.y, at.position.z + height), at.rotation)
@@ -37,7 +37,7 @@ def lifted(kitchen, world, name, height=0.12):
     ids=lambda value: value if isinstance(value, str) else None,
 )
 def test_it_is_held_where_it_stood_and_comes_up(kitchen, scene, name, seen, spot):
-    world = kitchen.world(scene, **{name: spot})
+    world = kitchen.cell(scene, **{name: spot})
     grasp = segment("grasp", "grasp-moe", 1, roles={"target": name})
     ran = kitchen.run(world, seen, grasp)
     assert ran.exits == {"see_target": "found", "grasp": "grasped"}, ran.result.error
@@ -47,7 +47,7 @@ def test_it_is_held_where_it_stood_and_comes_up(kitchen, scene, name, seen, spot
 
 
 def test_the_frypan_is_held_by_its_handle(kitchen):
-    world = kitchen.world("kitchen", frypan=(-0.19, 0.06, 14))
+    world = kitchen.cell("kitchen", frypan=(-0.19, 0.06, 14))
     ran = kitchen.run(world, see_part("frypan", *HANDLE), segment("grasp", "grasp-moe", 1, roles={"target": "frypan"}))
     truth = world.snapshot()
     pan = truth.bodies["frypan"].pose
@@ -58,7 +58,7 @@ def test_the_frypan_is_held_by_its_handle(kitchen):
 
 
 def test_what_is_out_of_reach_fails_and_is_not_touched(kitchen):
-    world = kitchen.world("groceries", milk=(0.38, 0.1, 20))
+    world = kitchen.cell("groceries", milk=(0.38, 0.1, 20))
     grasp = segment("grasp", "grasp-moe", 1, roles={"target": "milk"})
     ran = kitchen.run(world, perceive("perception-single", "milk", "milk"), grasp)
     assert ran.exits == {"see_target": "found", "grasp": "failed"} and "in reach" in ran.result.error

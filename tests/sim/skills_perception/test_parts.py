@@ -24,7 +24,7 @@ def handle_of(data):
 
 @pytest.mark.parametrize("yaw", [20, 135, 250])
 def test_the_handle_of_the_frypan(kitchen, yaw):
-    world = kitchen.world("kitchen", frypan=(-0.05, -0.12, yaw), mug=(-0.15, 0.15, yaw + 70))
+    world = kitchen.cell("kitchen", frypan=(-0.05, -0.12, yaw), mug=(-0.15, 0.15, yaw + 70))
     ran = kitchen.run(world, see_part("frypan", "frying pan", "handle of the frying pan"))
     assert ran.exits == {"see_target": "found"}, ran.result.error
     truth = world.snapshot().bodies["frypan"]
@@ -40,7 +40,7 @@ def test_the_handle_of_the_frypan(kitchen, yaw):
 
 @pytest.mark.parametrize(("yaw", "part"), [(40, "handle of the mug"), (130, "handle"), (200, "mug's handle")])
 def test_the_handle_of_the_mug(kitchen, yaw, part):
-    world = kitchen.world("kitchen", mug=(-0.15, 0.15, yaw), frypan=(-0.05, -0.15, 60))
+    world = kitchen.cell("kitchen", mug=(-0.15, 0.15, yaw), frypan=(-0.05, -0.15, 60))
     ran = kitchen.run(world, see_part("mug", "mug", part))
     assert ran.exits == {"see_target": "found"}, ran.result.error
     points = local(ran.outputs["target_cloud"].points, world.snapshot().bodies["mug"])
@@ -50,7 +50,7 @@ def test_the_handle_of_the_mug(kitchen, yaw, part):
 
 
 def test_the_rim_of_the_mug(kitchen):
-    world = kitchen.world("kitchen", mug=(-0.1, 0.05, 100))
+    world = kitchen.cell("kitchen", mug=(-0.1, 0.05, 100))
     ran = kitchen.run(world, see_part("mug", "mug", "rim of the mug"))
     assert ran.exits == {"see_target": "found"}, ran.result.error
     points = local(ran.outputs["target_cloud"].points, world.snapshot().bodies["mug"])
@@ -70,13 +70,13 @@ def test_the_rim_of_the_mug(kitchen):
     ],
 )
 def test_a_part_or_a_parent_that_is_not_there_is_said_to_be_missing(kitchen, parent, part, says):
-    world = kitchen.world("kitchen", mug=(-0.1, 0.05, 100), milk=(-0.05, -0.15, 0))
+    world = kitchen.cell("kitchen", mug=(-0.1, 0.05, 100), milk=(-0.05, -0.15, 0))
     ran = kitchen.run(world, see_part("mug", parent, part))
     assert ran.exits == {"see_target": "not_found"} and says in ran.result.error
 
 
 def test_the_whole_mug_and_pan_are_found_by_perception_single(kitchen):
-    world = kitchen.world("kitchen", mug=(-0.15, 0.15, 130), frypan=(-0.05, -0.12, 60))
+    world = kitchen.cell("kitchen", mug=(-0.15, 0.15, 130), frypan=(-0.05, -0.12, 60))
     ran = kitchen.run(
         world,
         perceive("perception-single", "mug", "mug"),

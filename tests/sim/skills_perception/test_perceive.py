@@ -15,7 +15,7 @@ every_skill = pytest.mark.parametrize("skill", SKILLS)
 
 @pytest.fixture
 def groceries(kitchen):
-    return kitchen.world(
+    return kitchen.cell(
         "groceries", alphabet_soup=(-0.12, -0.2, 0), milk=(0.1, -0.15, 30), butter=(-0.15, 0.05, 70), basket=(0, 0.26)
     )
 
@@ -50,7 +50,7 @@ def test_what_is_not_there_leaves_by_not_found(kitchen, groceries, skill, text):
 
 @every_skill
 def test_nothing_is_made_of_an_empty_floor(kitchen, skill):
-    ran = kitchen.run(kitchen.world("groceries"), perceive(skill, "milk", "milk"))
+    ran = kitchen.run(kitchen.cell("groceries"), perceive(skill, "milk", "milk"))
     assert ran.exits == {"see_target": "not_found"}
 
 
@@ -58,7 +58,7 @@ def test_any_takes_one_whole_object_of_a_kind_until_none_is_left(kitchen, grocer
     ran = kitchen.run(groceries, perceive("perception-any", "milk", "grocery"))
     bodies = groceries.snapshot().bodies
     assert min(miss(ran.outputs["target_obb"], bodies[n]) for n in ("alphabet_soup", "milk", "butter")) < CLOSE
-    only_the_basket = kitchen.world("groceries", basket=(0, 0.26))
+    only_the_basket = kitchen.cell("groceries", basket=(0, 0.26))
     assert kitchen.run(only_the_basket, perceive("perception-any", "milk", "grocery")).exits == {
         "see_target": "not_found"
     }
@@ -66,7 +66,7 @@ def test_any_takes_one_whole_object_of_a_kind_until_none_is_left(kitchen, grocer
 
 @every_skill
 def test_of_two_look_alikes_one_is_taken_and_never_a_mixture(kitchen, skill):
-    world = kitchen.world("twins", twin_a=(-0.1, -0.15, 0), twin_b=(0.0, -0.05, 0), milk=(-0.15, 0.15, 0))
+    world = kitchen.cell("twins", twin_a=(-0.1, -0.15, 0), twin_b=(0.0, -0.05, 0), milk=(-0.15, 0.15, 0))
     ran = kitchen.run(world, perceive(skill, "twin_a", "tin"))
     bodies = world.snapshot().bodies
     assert ran.exits == {"see_target": "found"}, ran.result.error
@@ -80,7 +80,7 @@ def test_of_two_look_alikes_one_is_taken_and_never_a_mixture(kitchen, skill):
     ("text", "name"), [("tin next to the milk", "twin_b"), ("tin farthest from the milk", "twin_a")]
 )
 def test_words_tell_look_alikes_apart(kitchen, skill, text, name):
-    world = kitchen.world("twins", twin_a=(-0.1, -0.25, 0), twin_b=(0.0, 0.10, 0), milk=(-0.08, 0.16, 0))
+    world = kitchen.cell("twins", twin_a=(-0.1, -0.25, 0), twin_b=(0.0, 0.10, 0), milk=(-0.08, 0.16, 0))
     ran = kitchen.run(world, perceive(skill, name, text))
     assert ran.exits == {"see_target": "found"}, ran.result.error
     assert miss(ran.outputs["target_obb"], world.snapshot().bodies[name]) < CLOSE

@@ -90,7 +90,7 @@ def carrying(text, *, until=None):
 class Watched:
     """What the tracker answered by the picture it was shown, what was true then, and what its state holds after."""
 
-    world: Any
+    cell: Any
     answers: list[tuple[bytes, Any]] = field(default_factory=list)
     frames: dict[bytes, Any] = field(default_factory=dict)
     state: dict[str, Any] = field(default_factory=dict)
@@ -114,7 +114,7 @@ class Watched:
 @pytest.fixture
 def watch(kitchen):
     def go(text, **options):
-        world = kitchen.world("groceries", milk=(*SPOT, 0), alphabet_soup=(-0.15, 0.05, 0), basket=(0.1, 0.3, 0))
+        world = kitchen.cell("groceries", milk=(*SPOT, 0), alphabet_soup=(-0.15, 0.05, 0), basket=(0.1, 0.3, 0))
         seen = Watched(world)
 
         def started(ctx, **inputs):
@@ -145,7 +145,7 @@ def watch(kitchen):
 
         unsubscribe = world.subscribe(keep, HZ, world.camera_names)
         try:
-            seen.result = run_graph(graph, RunSetup(world=world, task=kitchen.task, seed=1, lockstep=True), [listen])
+            seen.result = run_graph(graph, RunSetup(cell=world, task=kitchen.task, seed=1, lockstep=True), [listen])
         finally:
             unsubscribe()
         return seen
@@ -160,12 +160,12 @@ def nothing_is_left(seen):
 def test_what_the_arm_carries_is_followed_and_forgotten(watch):
     seen = watch("milk")
     assert seen.result.status == "success", seen.result.error
-    moved = seen.world.snapshot().body("milk")
+    moved = seen.cell.snapshot().body("milk")
     assert moved.moved() > 0.25 and moved.is_settled()
     followed = seen.strays("milk")
     times = [time for time, _, _ in followed]
     assert np.diff(times) == pytest.approx(1 / HZ, abs=0.02)  # every frame: in a rehearsal the world waits
-    assert len(times) >= HZ * (seen.world.time - 0.5) and all(present for _, present, _ in followed)
+    assert len(times) >= HZ * (seen.cell.time - 0.5) and all(present for _, present, _ in followed)
     assert max(stray for _, _, stray in followed) < 0.003
     assert seen.outputs["stamp"] in times
     assert nothing_is_left(seen)

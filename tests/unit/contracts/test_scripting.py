@@ -34,7 +34,7 @@ def test_a_thinned_cloud_keeps_first_points_in_order_and_loses_no_place():
     assert len(thin) < len(cloud) and np.array_equal(thinned(thin), thin)
     rows = [int(np.flatnonzero((cloud == point).all(axis=1))[0]) for point in thin]
     assert rows == sorted(rows)
-    assert cloud_gap(cloud[-1:], thin) < 0.002 * np.sqrt(3)
+    assert np.linalg.norm(thin - cloud[-1], axis=1).min() < GRID * np.sqrt(3)
 
 
 @pytest.mark.parametrize("far", [1.0, 1e8])

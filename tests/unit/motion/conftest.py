@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gap_motion.kinematics.chain import chain
+from gap_runtime.contracts.cell import Setpoint
 from gap_runtime.contracts.types import (
     ArmState,
     GripperState,
@@ -16,7 +17,6 @@ from gap_runtime.contracts.types import (
     Se3Pose,
     Vec3,
 )  # fmt: skip
-from gap_runtime.contracts.world import Setpoint
 from gap_runtime.plugins import load_registry
 
 REGISTRY = load_registry(("gap_robots", "gap_motion"), entry_points=False)
@@ -80,7 +80,7 @@ def cell(spec):
     environment = SimpleNamespace(workspace=((-1.5, -1.5, -0.2), (1.5, 1.5, 1.5)))
     task = SimpleNamespace(environment=environment, robots=[SimpleNamespace(home=None)])
     context = SimpleNamespace(
-        world=SimpleNamespace(arms=[ideal], wait=lambda seconds: None), task=task, state={}, seed=0,
+        cell=SimpleNamespace(arms=[ideal], wait=lambda seconds: None), task=task, state={}, seed=0,
         robot=lambda arm_id=0: spec, shared=lambda key, make: make(), raise_if_cancelled=lambda: None,
     )  # fmt: skip
     return SimpleNamespace(

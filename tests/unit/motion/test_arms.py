@@ -3,13 +3,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gap_motion.arguments import Cell
+from gap_motion.arguments import ArmModel
 from gap_motion.planning.multi_arm import in_step, refuse_meeting
 from gap_motion.planning.planning_scene import Situation
 from gap_motion.timing.timing import Limits, point_to_point
+from gap_runtime.contracts.cell import Setpoint
 from gap_runtime.contracts.failures import BadRequestError, MotionError, PlanningError
 from gap_runtime.contracts.types import JointState, Quaternion, Se3Pose, Vec3
-from gap_runtime.contracts.world import Setpoint
 from tests.unit.motion.conftest import IdealArm
 
 OPPOSITE = Se3Pose(Vec3(0.9, 0.1, 0.0), Quaternion(0.2955202066613396, 0.0, 0.0, -0.9553364891256060))
@@ -26,7 +26,7 @@ def pair(cell, spec):
         for arm_id, motion in motions.items():
             arms[arm_id].execute(motion)
 
-    cell.context.world = SimpleNamespace(arms=arms, execute=execute)
+    cell.context.cell = SimpleNamespace(arms=arms, execute=execute)
     cell.context.task.robots = [SimpleNamespace(home=None)] * 2
     return SimpleNamespace(arms=arms, moved=moved, call=cell.call, context=cell.context)
 
@@ -58,7 +58,7 @@ def test_one_arm_of_two_is_named(pair):
 
 
 def test_arms_that_would_meet_are_refused(pair):
-    ends = [Cell(arm).tcp(arm.q)[0][:3, 3] for arm in pair.arms]
+    ends = [ArmModel(arm).tcp(arm.q)[0][:3, 3] for arm in pair.arms]
     middle = Vec3.of((ends[0] + ends[1]) / 2)
     rotation = pair.arms[0].state().ee_pose.rotation
     with pytest.raises((MotionError, PlanningError)) as error:
@@ -104,7 +104,7 @@ def test_a_planner_sees_another_arm_where_it_is_and_where_it_is_going(beside):
 
 
 def test_an_arm_too_near_to_another_may_go_away_from_it(beside):
-    cells = [Cell(arm, i) for i, arm in enumerate(beside.arms)]
+    cells = [ArmModel(arm, i) for i, arm in enumerate(beside.arms)]
 
     def too_near(angle):
         still = [
@@ -125,7 +125,7 @@ def test_an_arm_too_near_to_another_may_go_away_from_it(beside):
 
 
 def test_a_world_that_moves_one_arm_at_a_time_says_so(pair, spec):
-    pair.context.world = SimpleNamespace(arms=pair.arms)
+    pair.context.cell = SimpleNamespace(arms=pair.arms)
     home = JointState(np.array(spec.home))
     with pytest.raises(MotionError) as error:
         pair.call("robot_control.MoveToJointsBoth", joints_arm0=home, joints_arm1=home)
@@ -165,12 +165,12 @@ def test_a_bimanual_pair_stands_clear_of_each_other_at_home(robot):
     spec = robot("panda-bimanual")
     level = Quaternion(1.0, 0.0, 0.0, 0.0)
     arms = [IdealArm(spec, Se3Pose(Vec3(0.0, s * SIDE_BY_SIDE / 2, 0.0), level)) for s in (-1, 1)]
-    cells = [Cell(arm, i) for i, arm in enumerate(arms)]
+    cells = [ArmModel(arm, i) for i, arm in enumerate(arms)]
     still = [point_to_point(cell.chain, np.stack([cell.arm.q, cell.arm.q])) for cell in cells]
     refuse_meeting(cells, in_step(still))
     near = [IdealArm(spec, Se3Pose(Vec3(0.0, s * 0.05, 0.0), level)) for s in (-1, 1)]
     with pytest.raises(MotionError):
-        refuse_meeting([Cell(arm, i) for i, arm in enumerate(near)], in_step(still))
+        refuse_meeting([ArmModel(arm, i) for i, arm in enumerate(near)], in_step(still))
 
 
 def test_all_arms_go_home_together(pair, spec):

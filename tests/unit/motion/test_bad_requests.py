@@ -43,7 +43,7 @@ def asked(request, robot):
     environment = SimpleNamespace(workspace=((-1.5, -1.5, -0.2), (1.5, 1.5, 1.5)))
     task = SimpleNamespace(environment=environment, robots=[SimpleNamespace(home=None)] * 2)
     context = SimpleNamespace(
-        world=world, task=task, state={}, seed=0, robot=lambda arm_id=0: spec,
+        cell=world, task=task, state={}, seed=0, robot=lambda arm_id=0: spec,
         shared=lambda key, make: make(), raise_if_cancelled=lambda: None,
     )  # fmt: skip
     good = Good(arms)

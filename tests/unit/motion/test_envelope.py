@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from gap_motion.arguments import Cell
+from gap_motion.arguments import ArmModel
 from gap_motion.timing.limits import refuse, workspace_excess
 from gap_motion.timing.timing import point_to_point
 from gap_runtime.contracts.failures import MotionError
@@ -10,7 +10,7 @@ from gap_runtime.contracts.types import Trajectory
 
 @pytest.fixture
 def planned(cell):
-    here = Cell(cell.arm)
+    here = ArmModel(cell.arm)
     goal = here.joints()
     goal[0] += 0.3
     return here, point_to_point(here.chain, np.stack([here.joints(), goal]))

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from gap_motion.arguments import Cell
+from gap_motion.arguments import ArmModel
 from gap_motion.kinematics import ik
 from gap_motion.planning.line import follow, interpolate, waypoint_count
 from gap_motion.planning.moves import straight, to_pose
@@ -10,7 +10,7 @@ from gap_runtime.contracts.failures import PlanningError
 
 @pytest.fixture
 def here(cell):
-    return Cell(cell.arm)
+    return ArmModel(cell.arm)
 
 
 def shifted(cell, *offset):

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from gap_motion.arguments import Cell
+from gap_motion.arguments import ArmModel
 from gap_motion.timing.limits import refuse
 from gap_motion.timing.policy_step import MOST_LAG, begin, step, to_rest
+from gap_runtime.contracts.cell import Setpoint
 from gap_runtime.contracts.failures import MotionError
 from gap_runtime.contracts.types import Quaternion, Se3Pose, Vec3
-from gap_runtime.contracts.world import Setpoint
 from tests.unit.motion.conftest import IdealArm
 
 ACTION = np.array([0.1, -0.2, -0.1, 0.0, 0.0, 0.05, 0.0])
@@ -19,7 +19,7 @@ NEAR = Se3Pose(  # 1.2 m in front of the arm, facing it
 
 
 def test_many_small_targets_are_one_large_one(cell):
-    here, count = Cell(cell.arm), 10
+    here, count = ArmModel(cell.arm), 10
     stream = begin(here)
     first = stream.target
     for _ in range(count):
@@ -30,13 +30,13 @@ def test_many_small_targets_are_one_large_one(cell):
 
 
 def test_an_action_that_moves_nothing_leaves_the_target(cell):
-    here = Cell(cell.arm)
+    here = ArmModel(cell.arm)
     stream = begin(here)
     assert step(here, stream, np.array([0, 0, 0, 0, 0, 0, 1.0])) is stream
 
 
 def test_what_is_sent_goes_on_from_the_motion_and_passes_the_filter(cell, spec):
-    here = Cell(cell.arm)
+    here = ArmModel(cell.arm)
     goal = step(here, begin(here), ACTION).goal
     still = cell.arm.setpoint()
     first = to_rest(here, still, goal)
@@ -55,7 +55,7 @@ def test_what_is_sent_goes_on_from_the_motion_and_passes_the_filter(cell, spec):
 
 
 def test_a_target_the_arm_cannot_reach_in_time_is_refused(cell, spec):
-    here = Cell(cell.arm)
+    here = ArmModel(cell.arm)
     far = np.array(spec.home)
     far[0] += 1.2 * MOST_LAG * spec.limits[0].velocity
     with pytest.raises(MotionError) as error:
@@ -65,7 +65,7 @@ def test_a_target_the_arm_cannot_reach_in_time_is_refused(cell, spec):
 
 def test_an_action_towards_another_arm_is_refused_near_it(cell, spec):
     other = IdealArm(spec, NEAR)
-    cell.context.world.arms = [cell.arm, other]
+    cell.context.cell.arms = [cell.arm, other]
     start, end = (a.state().ee_pose.position.array for a in (cell.arm, other))
     way = cell.arm.base_pose.rotation.rotation.inv().apply(end - start)
     action = [*(way / np.abs(way).max()), 0.0, 0.0, 0.0, 0.0]

@@ -58,7 +58,7 @@ def sideways():
 def context(spec):
     """What planning asks of a tool's context: one arm, at home."""
     environment = SimpleNamespace(workspace=((-1.5, -1.5, -0.2), (1.5, 1.5, 1.5)))
-    return SimpleNamespace(world=SimpleNamespace(arms=[IdealArm(spec)]), task=SimpleNamespace(environment=environment))
+    return SimpleNamespace(cell=SimpleNamespace(arms=[IdealArm(spec)]), task=SimpleNamespace(environment=environment))
 
 
 @pytest.mark.parametrize("folder, served", [("_core", SERVED), ("host", [])])
@@ -86,7 +86,7 @@ def test_a_package_that_does_not_load_says_what_to_install(monkeypatch):
 
 def test_an_arm_it_has_no_model_of_is_refused_with_the_models_there_are(vamp):
     ctx = context(REGISTRY.robot("ur5e"))
-    here = ctx.world.arms[0].state()
+    here = ctx.cell.arms[0].state()
     with pytest.raises(ToolError, match=r"no model of ur5e: none of panda .*curobo\.\*=embedded") as refused:
         vamp_tools.plan_to_pose(ctx, target_pose=here.ee_pose, start_joint_position=here.joints)
     assert refused.value.code == "unsupported" and not isinstance(refused.value, PlanningError)
@@ -120,7 +120,7 @@ def test_its_path_is_taken_from_the_very_start_to_the_very_goal(vamp, sideways):
     path = plan(checker, start, np.concatenate([goals + 0.1, goals]), search=VampSearch())
     np.testing.assert_array_equal(path.waypoints[0], start)
     np.testing.assert_array_equal(path.waypoints[-1], (goals + 0.1)[0] if path.goal == 0 else goals[0])
-    world = vamp.panda.asked[0].world
+    world = vamp.panda.asked[0].cell
     assert vamp.panda.validate(start.tolist(), world), "the base stands in the floor, and the scene gave way"
     assert len(world.cuboids) > 1
 
@@ -131,7 +131,7 @@ def test_a_path_through_a_wall_is_found_out(vamp, sideways):
     with pytest.raises(PlanningError, match="VAMP found no path") as refused:
         plan(checker, start, goals, search=VampSearch())
     assert refused.value.code == "no_path" and refused.value.detail["tries"] == TRIES == len(vamp.panda.asked)
-    heights = [asked.world.cuboids[0].half[2] for asked in vamp.panda.asked]
+    heights = [asked.cell.cuboids[0].half[2] for asked in vamp.panda.asked]
     assert heights == sorted(heights) and heights[-1] > heights[0], "each try keeps farther away"
 
 
@@ -179,7 +179,7 @@ def test_what_only_its_fatter_model_touches_gives_way(vamp, sideways):
     checker = checker_among(PANDA, [Shape((x, y, z - 0.06), (0.05, 0.05, 0.05))])
     vamp.panda.fat = 0.02
     plan(checker, start, goals, search=VampSearch())
-    world = vamp.panda.asked[0].world
+    world = vamp.panda.asked[0].cell
     assert all(vamp.panda.validate(q.tolist(), world) for q in (start, goals[0]))
 
 
@@ -210,7 +210,7 @@ def test_a_goal_that_its_model_cannot_stand_in_is_left_out(vamp, sideways):
 def scene():
     """A cell with a floor, a bottle in the gripper's place, and a pose to the side."""
     ctx = context(PANDA)
-    here = ctx.world.arms[0].state().ee_pose
+    here = ctx.cell.arms[0].state().ee_pose
     p = here.position
     bottle = OrientedBoundingBox(Vec3(p.x, p.y, p.z - 0.05), Vec3(0.015, 0.015, 0.08), LEVEL)
     floor = OrientedBoundingBox(Vec3(0.0, 0.0, -0.055), Vec3(2.0, 2.0, 0.05), LEVEL)
@@ -254,7 +254,7 @@ def test_what_is_held_rides_on_its_tip(vamp, scene):
         ctx, world_config=config, start_joint_position=start, target_pose=target, object_name="bottle"
     )
     ends_at(planned.trajectory, target)
-    world = vamp.panda.asked[0].world
+    world = vamp.panda.asked[0].cell
     tip, spheres = vamp.panda.eefk(HOME.tolist()) @ world.attached.relative_frame, world.attached.spheres
     in_base = np.array([(s.x, s.y, s.z) for s in spheres]) @ tip[:3, :3].T + tip[:3, 3]
     centers = in_base @ BASE.matrix[:3, :3].T + BASE.matrix[:3, 3]

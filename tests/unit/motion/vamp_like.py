@@ -119,7 +119,7 @@ class Arm:
         return Halton()
 
     def rrtc(self, start, goals, world, settings, rng):
-        self.asked.append(SimpleNamespace(start=start, goals=goals, world=world, settings=settings, rng=rng))
+        self.asked.append(SimpleNamespace(start=start, goals=goals, cell=world, settings=settings, rng=rng))
         rows = self.answer(np.array(start), np.array(goals), world, rng)
         path = self.Path()
         for row in () if rows is None else rows:

@@ -6,12 +6,12 @@ from scipy.spatial.transform import Rotation
 
 from gap_cli.rehearse.state_diff import changes
 from gap_runtime.contracts.types import Quaternion, Se3Pose, Vec3
-from gap_runtime.testing import FakeWorld
+from gap_runtime.testing import FakeCell
 
 
 @pytest.fixture
 def before():
-    return FakeWorld(objects={"can": Vec3(0.0, 0.0, 0.1), "bin": Vec3(0.3, 0.0, 0.1)}).snapshot()
+    return FakeCell(objects={"can": Vec3(0.0, 0.0, 0.1), "bin": Vec3(0.3, 0.0, 0.1)}).snapshot()
 
 
 def with_body(snapshot, name, **values):

@@ -12,17 +12,17 @@ class Body:
     """A body that rests from `since` on and is let go from `until` on."""
 
     def __init__(self, world, since=0.0, until=0.0):
-        self.world, self.since, self.until = world, since, until
+        self.cell, self.since, self.until = world, since, until
         self.x = 0.0
 
     def is_settled(self):
-        return self.world.time >= self.since - 1e-9
+        return self.cell.time >= self.since - 1e-9
 
     def is_released(self):
-        return self.world.time >= self.until - 1e-9
+        return self.cell.time >= self.until - 1e-9
 
 
-class World:
+class Cell:
     def __init__(self, **times):
         self.time = 0.0
         self._body = Body(self, **times)
@@ -53,21 +53,21 @@ def test_a_slot_no_goal_fills_is_named():
 
 
 def test_what_rests_already_costs_hardly_any_time():
-    world = World()
+    world = Cell()
     assert settle(world, ["can"])
     assert world.time < 0.3
 
 
 @pytest.mark.parametrize("late", [{"since": 1.0}, {"until": 1.0}])
 def test_judging_waits_for_rest_and_for_release(late):
-    world = World(**late)
+    world = Cell(**late)
     assert settle(world, ["can"])
     assert 1.0 <= world.time < 1.3
 
 
 @pytest.mark.parametrize("late", [{"since": 60.0}, {"until": 60.0}])
 def test_what_never_rests_or_is_never_let_go_is_no_success(late):
-    world = World(**late)
+    world = Cell(**late)
     verdict = judge(world, Conditions({}, ("can",)))
     assert not verdict.at_rest and not verdict.success
     assert world.time <= SETTLE_LIMIT_S + 0.2

@@ -21,7 +21,7 @@ from gap_cli.render.tree import tree
 from gap_runtime.contracts.types import DepthImage, Image, Mask, PointCloud, Vec3
 from gap_runtime.graph.model import Workflow
 from gap_runtime.run.execute import RunSetup, run_graph
-from gap_runtime.testing import FakeWorld, compile_fake, fake_workflow
+from gap_runtime.testing import FakeCell, compile_fake, fake_workflow
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
@@ -48,7 +48,7 @@ def workflow(last="fake.Echo"):
 def traced(w):
     tracer = Tracer()
     graph = compile_fake(w)
-    run_graph(graph, RunSetup(world=FakeWorld(), seed=4), [tracer])
+    run_graph(graph, RunSetup(cell=FakeCell(), seed=4), [tracer])
     return graph, json.loads(json.dumps(tracer.rows))
 
 
@@ -143,7 +143,7 @@ def test_a_long_trace_stops_taking_pictures():
     assert "image" in json.dumps(rows)
     tracer = Tracer()
     tracer.rows += [{}] * MAX_PICTURED
-    run_graph(compile_fake(workflow()), RunSetup(world=FakeWorld()), [tracer])
+    run_graph(compile_fake(workflow()), RunSetup(cell=FakeCell()), [tracer])
     assert "image" not in json.dumps(tracer.rows[MAX_PICTURED:])
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from gap_runtime.contracts.tool import OBSERVED, ToolContext, tool
 from gap_runtime.run.execute import RunSetup, run_graph
-from gap_runtime.testing import FakeWorld, compile_fake, fake_workflow, run_fake
+from gap_runtime.testing import FakeCell, compile_fake, fake_workflow, run_fake
 
 SCRIPT = """
 from collections.abc import Iterator
@@ -44,7 +44,7 @@ def free(ctx: ToolContext) -> None:
 def run(tmp_path):
     def go(in_the_end, consumer="fake.Echo"):
         HELD.clear()
-        file, world = tmp_path / "s.py", FakeWorld()
+        file, world = tmp_path / "s.py", FakeCell()
         file.write_text(SCRIPT.format(in_the_end))
         nodes = {
             "s": {"type": "script", "script": "scripts/s.py", "streaming": True},
@@ -53,7 +53,7 @@ def run(tmp_path):
         }
         edges = [("START", "s"), ("START", "first"), ("first", "last"), ("last", "done")]
         graph = compile_fake(fake_workflow(nodes, edges), hold, free, canonical={"scripts/s.py": file})
-        result = run_graph(graph, RunSetup(world=world))
+        result = run_graph(graph, RunSetup(cell=world))
         assert result.status == ("success" if consumer == "fake.Echo" else "failure"), result.error
         return world
 
@@ -85,7 +85,7 @@ def test_what_was_taken_from_the_observation_stream_is_known_to_the_episodes_too
         known.append((frame, list(ctx.state[OBSERVED])))
 
     node = {"type": "tool", "tool": "fake.Looks", "inputs": {"frame": {"$ref": "in.observation_stream"}}}
-    result = run_fake(fake_workflow({"a": node}, [("START", "a"), ("a", "done")]), looks, world=FakeWorld())
+    result = run_fake(fake_workflow({"a": node}, [("START", "a"), ("a", "done")]), looks, cell=FakeCell())
     assert result.status == "success", result.error
     frame, taken = known[0]
     assert taken == [frame]

@@ -25,7 +25,7 @@ from gap_runtime.graph.model import Workflow
 from gap_runtime.run.execute import RunSetup, run_graph
 from gap_runtime.run.pool import Pool
 from gap_runtime.safety.protective_stop import stop_arms
-from gap_runtime.testing import FakeWorld, compile_fake, fake_workflow, run_fake
+from gap_runtime.testing import FakeCell, compile_fake, fake_workflow, run_fake
 
 SOON = {"grace_s": 0.05, "patience": 1.0}
 
@@ -76,20 +76,20 @@ class Busy:
 
 
 def test_c1_two_nodes_that_would_hold_one_arm_are_refused_before_either_moves():
-    world = FakeWorld()
-    result = run_fake(fan(a=node("Move"), b=node("Move")), world=world)
+    world = FakeCell()
+    result = run_fake(fan(a=node("Move"), b=node("Move")), cell=world)
     assert result.status == "failure"
     assert {e.code for e in result.causes} == {"lease"} and "arm:0" in result.error
     assert world.arms[0].commands == []
 
 
 def test_c1_an_arm_named_at_run_time_is_refused_too():
-    world = FakeWorld(arms=2)
+    world = FakeCell(arms=2)
     w = fake_workflow(
         {"which": node("Echo", value=0), "a": node("Move", arm_id={"$ref": "which"}), "b": node("Move")},
         [("START", "which"), ("which", "a"), ("which", "b"), ("a", "done"), ("b", "done")],
     )
-    result = run_fake(w, world=world)
+    result = run_fake(w, cell=world)
     assert result.causes[0].code == "lease" and len(world.arms[0].commands) == 1
 
 
@@ -100,17 +100,17 @@ def test_c2_one_node_may_hold_arm_and_gripper_and_two_nodes_one_each():
     @tool("fake.Pick", effect="actuate", resources=("arm:0", "gripper:0"))
     def pick(ctx: ToolContext) -> None:
         """Uses both."""
-        ctx.world.arms[0].set_gripper(0.0)
-        ctx.world.arms[0].execute(Trajectory(np.array([0.0, 0.1]), np.zeros((2, 2))))
+        ctx.cell.arms[0].set_gripper(0.0)
+        ctx.cell.arms[0].execute(Trajectory(np.array([0.0, 0.1]), np.zeros((2, 2))))
 
-    world = FakeWorld()
-    assert run_fake(chain(a={"type": "tool", "tool": "fake.Pick"}), pick, world=world).status == "success"
-    assert run_fake(fan(a=node("Move"), b=node("Grip")), world=world).status == "success"
+    world = FakeCell()
+    assert run_fake(chain(a={"type": "tool", "tool": "fake.Pick"}), pick, cell=world).status == "success"
+    assert run_fake(fan(a=node("Move"), b=node("Grip")), cell=world).status == "success"
     assert world.arms[0].commands == ["set_gripper", "execute", "execute", "set_gripper"]
 
 
 def test_c2_two_arms_in_one_step_share_the_clock_one_after_the_other():
-    world, busy = FakeWorld(arms=2), Busy()
+    world, busy = FakeCell(arms=2), Busy()
     advance = world.advance
 
     def guarded(*args):
@@ -118,7 +118,7 @@ def test_c2_two_arms_in_one_step_share_the_clock_one_after_the_other():
             advance(*args)
 
     world.advance = guarded
-    result, seen = watched(fan(b=node("Move", arm_id=1), a=node("Move", arm_id=0)), world=world)
+    result, seen = watched(fan(b=node("Move", arm_id=1), a=node("Move", arm_id=0)), cell=world)
     assert result.status == "success" and busy.most == 1
     outputs = {e.path: e.data["output"] for e in seen if e.kind == "node_finished"}
     assert outputs["main/a"] < outputs["main/b"]  # world time at their end: in order of name
@@ -128,10 +128,10 @@ def test_c2_a_tool_cannot_command_what_it_did_not_declare():
     @tool("fake.Sneak", effect="actuate", resources=("gripper:0",))
     def sneak(ctx: ToolContext) -> None:
         """Declares the gripper, moves the arm."""
-        ctx.world.arms[0].execute(Trajectory(np.array([0.0, 0.1]), np.zeros((2, 2))))
+        ctx.cell.arms[0].execute(Trajectory(np.array([0.0, 0.1]), np.zeros((2, 2))))
 
-    world = FakeWorld()
-    result = run_fake(chain(a={"type": "tool", "tool": "fake.Sneak"}), sneak, world=world)
+    world = FakeCell()
+    result = run_fake(chain(a={"type": "tool", "tool": "fake.Sneak"}), sneak, cell=world)
     assert "commands arm:0 without holding it" in result.error and world.arms[0].commands == []
 
 
@@ -146,7 +146,7 @@ def test_c3_claims_in_opposite_order_are_refused_not_deadlocked(tmp_path):
         file.write_text(source.format(*order))
         canonical[f"scripts/{name}.py"] = file
     w = fan(a={"type": "script", "script": "scripts/a.py"}, b={"type": "script", "script": "scripts/b.py"})
-    result = run_graph(compile_fake(w, canonical=canonical), RunSetup(world=FakeWorld()))
+    result = run_graph(compile_fake(w, canonical=canonical), RunSetup(cell=FakeCell()))
     assert result.failed_node == "main/b" and result.causes[0].code == "lease"
 
 
@@ -176,15 +176,15 @@ def test_c4_leases_return_however_a_node_ends(how):
     @tool("fake.Bad", effect="actuate", resources=("arm:0",))
     def bad(ctx: ToolContext) -> None:
         """Moves, then ends badly."""
-        ctx.world.arms[0].execute(Trajectory(np.array([0.0, 0.1]), np.zeros((2, 2))))
+        ctx.cell.arms[0].execute(Trajectory(np.array([0.0, 0.1]), np.zeros((2, 2))))
         how(ctx)
 
-    world = FakeWorld()
+    world = FakeCell()
     w = fake_workflow(
         {"bad": {"type": "tool", "tool": "fake.Bad", "deadline_s": 0.15}}, [("START", "bad"), ("bad", "done")],
         recovery=[{"tool": "fake.Move"}],
     )  # fmt: skip
-    result = run_fake(w, bad, world=world, **SOON)
+    result = run_fake(w, bad, cell=world, **SOON)
     assert result.status == "failure" and result.recovery_failures == []
     assert world.arms[0].commands == ["execute", "execute"]
 
@@ -194,16 +194,16 @@ def test_c4_leases_return_however_a_node_ends(how):
 
 def test_c5_nothing_follows_an_arm_that_does_not_confirm_its_stop(monkeypatch):
     monkeypatch.setattr("gap_runtime.safety.protective_stop.CONFIRM_S", 0.05)
-    world = FakeWorld()
+    world = FakeCell()
     world.arms[0].deaf = True
     w = fake_workflow({"a": "fake.Fail"}, [("START", "a"), ("a", "done")], recovery=[{"tool": "fake.Move"}])
-    result = run_fake(w, world=world)
+    result = run_fake(w, cell=world)
     assert result.status == "error" and "did not confirm its stop" in str(result.causes)
     assert world.arms[0].commands == []
 
 
 def test_c5_the_arm_is_stopped_before_the_next_node_commands_it():
-    world, log = FakeWorld(), []
+    world, log = FakeCell(), []
     arm = world.arms[0]
     stop, execute = arm.stop, arm.execute
     arm.stop = lambda: (log.append("stop"), stop())
@@ -212,7 +212,7 @@ def test_c5_the_arm_is_stopped_before_the_next_node_commands_it():
         {"a": node("Move", 0.1, duration=50.0)}, [("START", "a"), ("a", "done")], recovery=[{"tool": "fake.Move"}]
     )
     world._pace = 1.0
-    result = run_fake(w, world=world, recovery_budget_s=5, **SOON)
+    result = run_fake(w, cell=world, recovery_budget_s=5, **SOON)
     assert log[0] == "execute" and "stop" in log[1 : log.index("execute", 1)]
     assert result.causes[0].code == "deadline" and isinstance(result.causes[0].__cause__, MotionError)
 
@@ -221,8 +221,8 @@ def test_c5_the_arm_is_stopped_before_the_next_node_commands_it():
 
 
 def test_c6_a_failing_branch_cancels_its_siblings_and_stops_the_arm():
-    world = FakeWorld()
-    result, seen = watched(fan(a=node("Spin"), b=node("Fail"), c=node("Spin"), d=node("Move")), world=world)
+    world = FakeCell()
+    result, seen = watched(fan(a=node("Spin"), b=node("Fail"), c=node("Spin"), d=node("Move")), cell=world)
     assert result.failed_node == "main/b" and len(result.failures) == 1
     cancelled = {e.path for e in seen if e.kind == "node_cancelled"}
     assert cancelled == {"main/a", "main/c", "main/d"}
@@ -293,7 +293,7 @@ def test_c7_a_node_stuck_where_python_cannot_reach_it_is_left_behind(parallel):
     stuck_node = {"type": "tool", "tool": "fake.Stuck", "deadline_s": 0.05}
     w = fan(a=stuck_node, b=node("Nothing")) if parallel else chain(a=stuck_node, b=node("Nothing"))
     pool = Pool()
-    result = run_fake(w, stuck, pool=pool, world=FakeWorld(), **SOON)
+    result = run_fake(w, stuck, pool=pool, cell=FakeCell(), **SOON)
     release.set()
     assert result.status == "failure" and result.failed_node == "main/a" and result.causes[0].code == "deadline"
 
@@ -347,16 +347,16 @@ def test_c8_the_late_result_of_an_abandoned_attempt_changes_nothing():
         """Comes back long after it was given up, and wants to move."""
         release.wait(30)
         try:
-            ctx.world.arms[0].execute(Trajectory(np.array([0.0, 0.1]), np.zeros((2, 2))))
+            ctx.cell.arms[0].execute(Trajectory(np.array([0.0, 0.1]), np.zeros((2, 2))))
         except ToolError as error:
             refused.append(error.code)
             returned.set()
             raise
         return 99
 
-    world = FakeWorld()
+    world = FakeCell()
     w = chain(a={"type": "tool", "tool": "fake.Late", "deadline_s": 0.05}, b=node("Nothing"))
-    result, seen = watched(w, late, world=world, **SOON)
+    result, seen = watched(w, late, cell=world, **SOON)
     release.set()
     assert returned.wait(5) and refused == ["deadline"]
     assert result.status == "failure" and world.arms[0].commands == []
@@ -474,14 +474,14 @@ def test_c9_a_stream_deaf_to_its_end_is_left_behind_and_can_do_nothing_more(monk
         yield 1
         release.wait(30)
         try:
-            ctx.world.observe()
+            ctx.cell.observe()
         except CancelledError as error:
             outcome.append(error)
         yield 2
         outcome.append("went on")
 
     w = beside({"type": "tool", "tool": "fake.Deaf", "streaming": True}, c=node("Echo", value={"$ref": "s"}))
-    result, seen = watched(w, deaf, world=FakeWorld())
+    result, seen = watched(w, deaf, cell=FakeCell())
     thread = next(t for t in threading.enumerate() if t.name == "gap-main/s")
     release.set()
     thread.join(5)
@@ -510,8 +510,8 @@ def test_c9_observations_are_a_stream_in_world_time():
         """When it was taken."""
         return obs.stamp
 
-    world = FakeWorld()
-    result, seen = watched(w, latest, world=world)
+    world = FakeCell()
+    result, seen = watched(w, latest, cell=world)
     assert result.status == "success", result.error
     stamp = next(e.data["output"] for e in seen if e.kind == "node_finished" and e.path == "main/b")
     assert 0.5 < stamp <= world.time
@@ -598,28 +598,28 @@ def test_c12_when_the_graph_is_taken_over_finished_siblings_are_not_run_again():
 
 
 def test_c13_a_run_cancelled_before_it_starts_moves_nothing_but_its_recovery():
-    world, cancel = FakeWorld(), threading.Event()
+    world, cancel = FakeCell(), threading.Event()
     cancel.set()
     w = fake_workflow(
         {"s": node("Spin", seconds=1), "a": node("Move")},
         [("START", "s"), ("s", "a"), ("a", "done")],
         recovery=[{"tool": "fake.Grip"}],
     )
-    result = run_fake(w, world=world, cancel=cancel)
+    result = run_fake(w, cell=world, cancel=cancel)
     assert (result.status, result.end) == ("cancelled", "abort") and world.arms[0].commands == ["set_gripper"]
 
 
 def test_c13_cancelling_twice_from_other_threads_is_the_same_as_once():
-    world, cancel = FakeWorld(pace=1.0), threading.Event()
+    world, cancel = FakeCell(pace=1.0), threading.Event()
     w = chain(a=node("Move", duration=30.0))
     for _ in range(2):
         threading.Timer(0.1, cancel.set).start()
-    result = run_fake(w, world=world, cancel=cancel)
+    result = run_fake(w, cell=world, cancel=cancel)
     assert result.status == "cancelled" and world.arms[0].stops and world.time < 29
 
 
 def test_c13_one_ctrl_c_recovers_a_second_one_stops_the_recovery():
-    world, presses = FakeWorld(pace=1.0), []
+    world, presses = FakeCell(pace=1.0), []
     arm = world.arms[0]
     execute = arm.execute
 
@@ -634,7 +634,7 @@ def test_c13_one_ctrl_c_recovers_a_second_one_stops_the_recovery():
         [("START", "a"), ("a", "done")],
         recovery=[{"tool": "fake.Move", "inputs": {"duration": 30.0}}, {"tool": "fake.Grip"}],
     )
-    result = run_fake(w, world=world)
+    result = run_fake(w, cell=world)
     assert result.status == "cancelled" and len(presses) == 2
     assert arm.commands == ["execute", "execute"] and world.time < 50
 
@@ -643,26 +643,26 @@ def test_c13_one_ctrl_c_recovers_a_second_one_stops_the_recovery():
 
 
 def test_c14_an_arm_whose_stop_raises_does_not_keep_the_other_from_stopping():
-    world = FakeWorld(arms=2)
+    world = FakeCell(arms=2)
     world.arms[0].stop_problem = RuntimeError("driver is gone")
     assert stop_arms(world) == ["arm 0 could not be stopped (driver is gone)"]
     assert world.arms[1].stops == 1
     result = run_fake(
         fake_workflow({"a": "fake.Fail"}, [("START", "a"), ("a", "done")], recovery=[{"tool": "fake.Move"}]),
-        world=world,
+        cell=world,
     )
     assert result.status == "error" and "by hand" in str(result.causes[-1])
     assert world.arms[1].stops == 2 and world.arms[0].commands == []
 
 
 def test_c14_an_arm_that_cannot_be_stopped_is_not_recovered_when_time_is_up_either():
-    world = FakeWorld()
+    world = FakeCell()
     world.arms[0].stop_problem = RuntimeError("driver is gone")
     w = fake_workflow(
         {"a": node("Move"), "b": node("Nothing")}, [("START", "a"), ("a", "b"), ("b", "done")],
         recovery=[{"tool": "fake.Move"}],
     )  # fmt: skip
-    result = run_fake(w, world=world, world_budget_s=0.5)
+    result = run_fake(w, cell=world, world_budget_s=0.5)
     assert result.status == "error" and "by hand" in str(result.causes[-1])
     assert world.arms[0].commands == ["execute"]
 
@@ -684,8 +684,8 @@ def test_c16_a_recovery_that_does_not_end_is_cut_by_its_own_budget():
     w = fake_workflow(
         {"a": "fake.Fail"}, [("START", "a"), ("a", "done")], recovery=[{"tool": "fake.Spin"}, {"tool": "fake.Grip"}]
     )
-    world = FakeWorld()
-    result = run_fake(w, world=world, recovery_budget_s=0.1, **SOON)
+    world = FakeCell()
+    result = run_fake(w, cell=world, recovery_budget_s=0.1, **SOON)
     assert result.status == "failure" and world.arms[0].commands == []
 
 
@@ -729,7 +729,7 @@ def test_thousands_of_nodes_leave_no_thread_and_no_file_behind():
     def work(times):
         for _ in range(times):
             run_graph(parallel, RunSetup(pool=pool))
-            run_graph(serial, RunSetup(world=FakeWorld()))
+            run_graph(serial, RunSetup(cell=FakeCell()))
         run_graph(streaming, RunSetup())
 
     def held():
@@ -756,7 +756,7 @@ def test_c18_graphs_side_by_side_in_one_process_do_not_know_of_each_other():
 
     def one(i):
         seen = []
-        run_graph(graph, RunSetup(world=FakeWorld(), seed=i), [seen.append])
+        run_graph(graph, RunSetup(cell=FakeCell(), seed=i), [seen.append])
         results[i] = [(e.seq, e.kind, e.path, e.world_time, e.data.get("output"), e.data.get("attempt")) for e in seen]
 
     threads = [threading.Thread(target=one, args=(i,)) for i in range(8)]
@@ -825,8 +825,8 @@ def test_c20_an_observer_that_breaks_is_dropped_and_an_essential_one_ends_the_ru
                 raise OSError("disk full")
 
     w = fan(a=node("Move"))
-    assert run_fake(w, observers=[broken], world=FakeWorld()).status == "success" and len(calls) == 1
-    world = FakeWorld()
+    assert run_fake(w, observers=[broken], cell=FakeCell()).status == "success" and len(calls) == 1
+    world = FakeCell()
     with pytest.raises(OSError, match="disk full"):
-        run_fake(w, observers=[Journal()], world=world)
+        run_fake(w, observers=[Journal()], cell=world)
     assert world.arms[0].commands == [] and world.arms[0].stops == 1

@@ -12,7 +12,7 @@ from gap_runtime.contracts.failures import PrivilegedReadError, UnknownNameError
 from gap_runtime.contracts.tool import ToolContext, tool
 from gap_runtime.run.context import SharedStore
 from gap_runtime.run.execute import RunSetup, run_graph
-from gap_runtime.testing import FAKE_ROBOT, FakeWorld, compile_fake, fake_workflow, run_fake
+from gap_runtime.testing import FAKE_ROBOT, FakeCell, compile_fake, fake_workflow, run_fake
 
 
 @pytest.fixture
@@ -25,7 +25,7 @@ def run_script(tmp_path):
         w = fake_workflow({"s": {"type": "script", "script": "scripts/s.py"}}, [("START", "s"), ("s", "done")])
         graph = compile_fake(w, *tools, canonical={"scripts/s.py": Path(file)}, **skill)
         seen = []
-        result = run_graph(graph, RunSetup(**{"world": FakeWorld(), **(setup or {})}), [seen.append])
+        result = run_graph(graph, RunSetup(**{"cell": FakeCell(), **(setup or {})}), [seen.append])
         output = next((e.data["output"] for e in seen if e.kind == "node_finished" and e.path == "main/s"), None)
         return result, output, seen
 
@@ -84,10 +84,10 @@ def test_the_guard_bites_whatever_a_tool_tries(read):
     @tool("fake.Cheat", effect="sense")
     def cheat(ctx: ToolContext) -> None:
         """Wants what only the simulator knows."""
-        eval(f"ctx.world.{read}")
+        eval(f"ctx.cell.{read}")
 
-    world = FakeWorld()
-    result = run_fake(fake_workflow({"a": "fake.Cheat"}, [("START", "a"), ("a", "done")]), cheat, world=world)
+    world = FakeCell()
+    result = run_fake(fake_workflow({"a": "fake.Cheat"}, [("START", "a"), ("a", "done")]), cheat, cell=world)
     assert result.status == "error" and isinstance(result.causes[0], PrivilegedReadError)
     assert not world.closed
 
@@ -100,7 +100,7 @@ def test_the_guard_bites_in_a_thread_of_the_tools_own():
 
         def read():
             try:
-                ctx.world.snapshot()
+                ctx.cell.snapshot()
             except PrivilegedReadError as error:
                 caught.append(error)
 
@@ -109,33 +109,33 @@ def test_the_guard_bites_in_a_thread_of_the_tools_own():
         thread.join()
         raise caught[0]
 
-    result = run_fake(fake_workflow({"a": "fake.Cheat"}, [("START", "a"), ("a", "done")]), cheat, world=FakeWorld())
+    result = run_fake(fake_workflow({"a": "fake.Cheat"}, [("START", "a"), ("a", "done")]), cheat, cell=FakeCell())
     assert isinstance(result.causes[0], PrivilegedReadError)
 
 
 def test_the_worlds_own_guard_bites_where_a_tool_holds_the_world_itself():
-    world = FakeWorld()
+    world = FakeCell()
 
     @tool("fake.Smuggle")
     def smuggle() -> None:
         """Has the world from elsewhere."""
         world.snapshot()
 
-    result = run_fake(fake_workflow({"a": "fake.Smuggle"}, [("START", "a"), ("a", "done")]), smuggle, world=world)
+    result = run_fake(fake_workflow({"a": "fake.Smuggle"}, [("START", "a"), ("a", "done")]), smuggle, cell=world)
     assert isinstance(result.causes[0], PrivilegedReadError) and "main/a" in str(result.causes[0])
 
 
 def test_a_script_that_hides_what_it_calls_cannot_move_the_robot(run_script):
-    world = FakeWorld()
+    world = FakeCell()
     source = "def run(ctx) -> None:\n    getattr(ctx, 'to' + 'ol')('fake.Move')\n"
-    result, _, _ = run_script(source, setup={"world": world})
+    result, _, _ = run_script(source, setup={"cell": world})
     assert result.causes[0].code == "lease" and "Write the name out" in result.error and world.arms[0].commands == []
 
 
 def test_an_observer_may_look_where_a_node_may_not():
-    world, times = FakeWorld(), []
+    world, times = FakeCell(), []
     w = fake_workflow({"a": "fake.Move"}, [("START", "a"), ("a", "done")])
-    run_fake(w, world=world, observers=[lambda e: times.append(world.snapshot().time)])
+    run_fake(w, cell=world, observers=[lambda e: times.append(world.snapshot().time)])
     assert times[0] == 0.0 and times[-1] == world.time > 0
 
 
@@ -149,13 +149,13 @@ def test_the_context_knows_robot_seed_and_state():
 
     w = fake_workflow({"a": "fake.Ask"}, [("START", "a"), ("a", "done")], outputs={"o": {"$ref": "a"}})
     seen = []
-    run_fake(w, ask, world=FakeWorld(), seed=5, observers=[seen.append])
+    run_fake(w, ask, cell=FakeCell(), seed=5, observers=[seen.append])
     assert seen[-2].data["outputs"]["o"] == f"{FAKE_ROBOT.name} 5 []"
 
 
 def test_without_a_world_a_tool_that_needs_one_says_so():
     result = run_fake(fake_workflow({"a": "fake.Look"}, [("START", "a"), ("a", "done")]))
-    assert result.causes[0].code == "no_world"
+    assert result.causes[0].code == "no_cell"
 
 
 def test_state_is_new_in_every_run():
@@ -192,7 +192,7 @@ def test_world_time_counts_against_a_deadline_however_fast_the_simulator_is():
         {"a": {"type": "tool", "tool": "fake.Move", "deadline_s": 3.0, "inputs": {"duration": 4.0}}},
         [("START", "a"), ("a", "done")],
     )
-    result = run_fake(w, world=FakeWorld())
+    result = run_fake(w, cell=FakeCell())
     assert result.causes[0].code == "deadline"
 
 

@@ -11,7 +11,7 @@ from gap_runtime.contracts.tool import tool as tool_
 from gap_runtime.errors import ExecutionError, SimulationDivergedError, ToolError
 from gap_runtime.graph.model import Workflow
 from gap_runtime.run.execute import RunSetup, run_graph
-from gap_runtime.testing import FakeWorld, compile_fake, fake_workflow, run_fake
+from gap_runtime.testing import FakeCell, compile_fake, fake_workflow, run_fake
 
 
 def tool(name, **inputs):
@@ -97,12 +97,12 @@ def test_a_value_that_leads_nowhere_is_a_failure_that_lists_where_it_could_lead(
 
 
 def test_an_error_becomes_on_error_then_the_recovery_of_the_end_it_leads_to():
-    world = FakeWorld()
+    world = FakeCell()
     recovery = [{"tool": "fake.Fail"}, {"tool": "fake.Grip", "inputs": {"width": 0.05}}]
     w = fake_workflow(
         {"a": "fake.Fail", "b": "fake.Nothing"}, [("START", "a"), ("a", "b"), ("b", "done")], recovery=recovery
     )
-    result = run_fake(w, world=world)
+    result = run_fake(w, cell=world)
     assert (result.status, result.end, result.failed_node) == ("failure", "abort", "main/a")
     assert result.exits == [("main", "failed")]
     assert [type(e) for _, e in result.failures] == [ToolError]
@@ -324,12 +324,12 @@ def test_a_failure_made_good_by_a_fallback_is_a_success_that_remembers():
 
 
 def test_an_exit_that_leads_nowhere_is_an_error_and_still_recovers():
-    world = FakeWorld()
+    world = FakeCell()
     mappings = {"first": {"failed": "abort"}, "second": {"done": "success", "failed": "abort"}}
     w = two_subgraphs({}, {}, [("START", "first")], mappings)
     w = Workflow.load({**w.model_dump(), "nodes": {**w.model_dump()["nodes"], "abort": {
         "type": "end", "status": "failure", "recovery": [{"tool": "fake.Grip"}]}}}, "w")  # fmt: skip
-    result = run_fake(w, world=world)
+    result = run_fake(w, cell=world)
     assert result.status == "error" and "leads nowhere" in result.error
     assert world.arms[0].commands == ["set_gripper"]
 
@@ -362,8 +362,8 @@ def test_a_run_out_of_world_time_ends_at_the_next_step():
     w = fake_workflow(
         {"a": tool("Move", duration=2.0), "b": tool("Move", duration=2.0)}, [("START", "a"), ("a", "b"), ("b", "done")]
     )
-    world = FakeWorld()
-    result = run_fake(w, world=world, world_budget_s=1.0)
+    world = FakeCell()
+    result = run_fake(w, cell=world, world_budget_s=1.0)
     assert result.status == "error" and "time is up" in result.error
     assert world.arms[0].commands == ["execute"]
 
@@ -379,9 +379,9 @@ def test_physics_that_diverged_ends_the_run_at_once_and_nothing_moves_again():
         """Blows up."""
         raise SimulationDivergedError("qacc is not finite")
 
-    world = FakeWorld()
+    world = FakeCell()
     w = fake_workflow({"a": "fake.Diverge"}, [("START", "a"), ("a", "done")], recovery=[{"tool": "fake.Grip"}])
-    result = run_fake(w, diverge, world=world)
+    result = run_fake(w, diverge, cell=world)
     assert result.status == "error" and isinstance(result.causes[0], SimulationDivergedError)
     assert world.arms[0].commands == [] and len(result.causes) == 1
 
@@ -414,6 +414,6 @@ def test_an_inline_script_runs_in_the_jail_with_the_host_checking_each_call(tmp_
 def test_compute_time_leaves_out_what_the_world_took():
     w = fake_workflow({"a": tool("Move", duration=1.0)}, [("START", "a"), ("a", "done")])
     seen = []
-    run_fake(w, world=FakeWorld(pace=0.05), observers=[seen.append])
+    run_fake(w, cell=FakeCell(pace=0.05), observers=[seen.append])
     moved = next(e.data for e in seen if e.kind == "node_finished")
     assert moved["duration_s"] - moved["compute_s"] >= 0.05

@@ -15,7 +15,7 @@ from gap_cli.testing import make_catalog
 from gap_cli.validate.validator import validate
 from gap_runtime.graph.dump import dump_workflow
 from gap_runtime.graph.load import parse_workflow
-from gap_runtime.testing import FakeWorld, run_fake
+from gap_runtime.testing import FakeCell, run_fake
 
 MOVE = {"type": "tool", "tool": "fake.Move", "inputs": {"to": 0.1, "duration": 0.1}}
 GRIP = {"type": "tool", "tool": "fake.Grip", "inputs": {"width": 0.0}}
@@ -58,7 +58,7 @@ def order(seen, kind="node_started"):
 def test_two_that_look_may_look_at_once_and_are_joined():
     w, seen = fork([LOOK, NOTHING], [LOOK], [MOVE]), []
     assert codes(w) == []
-    assert run_fake(w, world=FakeWorld(), observers=[seen.append]).status == "success"
+    assert run_fake(w, cell=FakeCell(), observers=[seen.append]).status == "success"
     assert order(seen)[:2] == ["a/a0", "b/b0"] and order(seen)[-2:] == ["z/z0", "z/done"]
 
 
@@ -92,15 +92,15 @@ def test_a_plain_edge_is_for_success_and_forks_where_there_are_several():
     edges = [["START", "a"], ["a", "b"], ["a", "c"], ["b", "z"], ["c", "z"], ["z", "end"]]
     w, seen = graph(parts, edges, {}), []
     assert codes(w) == []
-    assert run_fake(w, world=FakeWorld(), observers=[seen.append]).status == "success"
+    assert run_fake(w, cell=FakeCell(), observers=[seen.append]).status == "success"
     assert order(seen)[2:4] == ["b/b0", "c/c0"]
     failing = graph({**parts, "a": [FAIL]}, edges, {})
-    result = run_fake(failing, world=FakeWorld())
+    result = run_fake(failing, cell=FakeCell())
     assert (result.status, result.end, result.exits) == ("failure", "abort", [("a", "failed")])
 
 
 def test_a_failure_in_one_branch_ends_the_run_at_once():
-    result = run_fake(fork([FAIL], [NOTHING] * 5), world=FakeWorld())
+    result = run_fake(fork([FAIL], [NOTHING] * 5), cell=FakeCell())
     assert (result.status, result.end, result.failed_node) == ("failure", "abort", "a/a0")
     assert "z" not in result.visits
 

@@ -8,7 +8,7 @@ import pytest
 
 from gap_runtime.contracts.tool import ToolContext, tool
 from gap_runtime.run.execute import RunSetup, run_graph
-from gap_runtime.testing import FakeWorld, compile_fake, fake_workflow
+from gap_runtime.testing import FakeCell, compile_fake, fake_workflow
 
 FOLLOWS = """
 from collections.abc import Iterator
@@ -49,7 +49,7 @@ def last_stamps(tmp_path):
         }  # fmt: skip
         edges = [("START", "s"), ("START", "a"), ("a", "move"), ("move", "b"), ("b", "done")]
         graph = compile_fake(fake_workflow(nodes, edges), ponder, note, canonical={"scripts/s.py": file})
-        result = run_graph(graph, RunSetup(world=FakeWorld(), lockstep=True, budget_s=60.0, **setup))
+        result = run_graph(graph, RunSetup(cell=FakeCell(), lockstep=True, budget_s=60.0, **setup))
         assert result.status == "success", result.error
         return tuple(SEEN)
 

@@ -19,7 +19,7 @@ from gap_runtime.contracts.tool import ToolContext, tool
 from gap_runtime.errors import GapError
 from gap_runtime.graph.dump import dump_workflow
 from gap_runtime.graph.load import parse_workflow
-from gap_runtime.testing import FakeWorld, fake_skill, fake_tools, fake_workflow, run_fake
+from gap_runtime.testing import FakeCell, fake_skill, fake_tools, fake_workflow, run_fake
 from tests.unit.validate.kit import run as run_code
 
 CODES = {rule.code for rule in rules()}
@@ -104,7 +104,7 @@ def workflows(draw):
 def run(workflow, seed):
     """How a run went, with everything every node gave, in order."""
     seen = []
-    result = run_fake(workflow, choose, observers=[seen.append], world=FakeWorld(), seed=seed)
+    result = run_fake(workflow, choose, observers=[seen.append], cell=FakeCell(), seed=seed)
     story = [(e.path, str(e.data.get("output"))) for e in seen if e.kind == "node_finished"]
     return result, story
 

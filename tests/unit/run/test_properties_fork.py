@@ -21,7 +21,7 @@ from gap_runtime.graph.dump import dump_workflow
 from gap_runtime.graph.load import parse_workflow
 from gap_runtime.run.execute import RunSetup, run_graph
 from gap_runtime.run.pool import Pool
-from gap_runtime.testing import FakeWorld, fake_skill, fake_tools
+from gap_runtime.testing import FakeCell, fake_skill, fake_tools
 from tests.unit.run.test_properties import choose
 
 CODES = {rule.code for rule in rules()}
@@ -189,9 +189,9 @@ def judge(workflow):
 
 def outcome(graph, seed, schedule):
     """Everything that may not depend on timing."""
-    seen, world = [], FakeWorld()
+    seen, world = [], FakeCell()
     rng = random.Random(schedule)
-    setup = RunSetup(world=world, seed=seed, lockstep=True, shuffle=rng, pool=Pool(rng.randint(1, 4)))
+    setup = RunSetup(cell=world, seed=seed, lockstep=True, shuffle=rng, pool=Pool(rng.randint(1, 4)))
     result = run_graph(graph, setup, [seen.append])
     head = (result.status, result.end, result.exits, result.failed_node, result.error, world.time, result.visits)
     story = [(e.kind, e.path, e.world_time, repr(e.data.get("output"))) for e in seen]

@@ -13,7 +13,7 @@ from gap_runtime.contracts.skill import Exits
 from gap_runtime.graph.compile import compile_workflow
 from gap_runtime.graph.load import parse_workflow
 from gap_runtime.run.execute import RunSetup, run_graph
-from gap_runtime.testing import FakeWorld, fake_skill, fake_tools
+from gap_runtime.testing import FakeCell, fake_skill, fake_tools
 from tests.unit.run.test_properties import choose
 
 TOOLS = fake_tools(choose)
@@ -78,7 +78,7 @@ def test_what_validates_always_has_its_inputs_and_ends(workflow):
         return
     graph = compile_workflow(workflow, Path(), TOOLS, skills, {})
     for seed in range(4):
-        result = run_graph(graph, RunSetup(world=FakeWorld(), seed=seed), [])
+        result = run_graph(graph, RunSetup(cell=FakeCell(), seed=seed), [])
         out_of_visits = "more than 5 times" in result.error
         assert result.status != "error" or out_of_visits, result.error
         assert "failed" not in dict(result.exits).values() or out_of_visits, result.error

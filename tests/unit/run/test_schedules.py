@@ -17,7 +17,7 @@ from gap_runtime.contracts.types import Observation
 from gap_runtime.graph.scripts import read_signature
 from gap_runtime.run.execute import RunSetup, run_graph
 from gap_runtime.run.pool import Pool
-from gap_runtime.testing import FakeWorld, Sum, compile_fake, fake_workflow
+from gap_runtime.testing import FakeCell, Sum, compile_fake, fake_workflow
 
 GRAPHS, SCHEDULES = 40, 25  # 1000 runs
 JITTER = random.Random()  # on purpose not seeded: real timing differs, the result must not
@@ -48,7 +48,7 @@ def tick(ctx: ToolContext, key: str, limit: int) -> Sum:
 def see(ctx: ToolContext) -> Observation:
     """Looks, and takes a moment."""
     jitter()
-    return ctx.world.observe()
+    return ctx.cell.observe()
 
 
 SCRIPTS = {
@@ -149,9 +149,9 @@ class Graph:
 
 def outcome(graph, schedule):
     """Everything that may not depend on timing."""
-    world, seen = FakeWorld(), []
+    world, seen = FakeCell(), []
     rng = random.Random(schedule)
-    setup = RunSetup(world=world, lockstep=True, shuffle=rng, pool=Pool(rng.randint(1, 6)))
+    setup = RunSetup(cell=world, lockstep=True, shuffle=rng, pool=Pool(rng.randint(1, 6)))
     result = run_graph(graph, setup, [seen.append])
     head = (
         result.status,

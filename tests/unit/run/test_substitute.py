@@ -14,7 +14,7 @@ from gap_runtime.contracts.failures import (
 )
 from gap_runtime.run.execute import RunSetup, run_graph
 from gap_runtime.run.substitute import Rule, load_substitutions, substitute
-from gap_runtime.testing import FakeWorld, compile_fake, fake_workflow
+from gap_runtime.testing import FakeCell, compile_fake, fake_workflow
 
 W = fake_workflow(
     {"a": {"type": "tool", "tool": "fake.Add", "inputs": {"a": 1}}, "b": {"type": "tool", "tool": "fake.Move"}},
@@ -26,7 +26,7 @@ W = fake_workflow(
 def run(*rules, workflow=W, **setup):
     graph = substitute(compile_fake(workflow), [Rule.load(r, "rule") for r in rules])
     seen = []
-    result = run_graph(graph, RunSetup(**{"world": FakeWorld(), **setup}), [seen.append])
+    result = run_graph(graph, RunSetup(**{"cell": FakeCell(), **setup}), [seen.append])
     return result, seen[-2].data.get("outputs")
 
 

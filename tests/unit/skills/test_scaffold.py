@@ -12,7 +12,7 @@ from gap_cli.skills import load_library
 from gap_cli.skills.scaffold import new_plugin
 from gap_runtime.errors import BadRequestError, StorageError
 from gap_runtime.plugins import load_registry
-from gap_runtime.testing import FakeWorld
+from gap_runtime.testing import FakeCell
 
 
 @pytest.fixture
@@ -31,7 +31,7 @@ def test_the_plugin_registers_and_keeps_its_contract(registry):
 
 
 def test_a_graph_of_its_skill_calls_its_tool(registry, tmp_path):
-    world = FakeWorld()
+    world = FakeCell()
     skill = load_library(registry.skill_paths)["wave-hello"]
     result = run_alone(skill, registry.tools, world, tmp_path)
     assert (result.status, result.exits) == ("success", [("sample", "ready")])
@@ -39,7 +39,7 @@ def test_a_graph_of_its_skill_calls_its_tool(registry, tmp_path):
 
 
 def test_a_hand_that_does_not_open_fails_the_skill(registry, tmp_path, monkeypatch):
-    world = FakeWorld()
+    world = FakeCell()
     monkeypatch.setattr(world.arms[0], "set_gripper", lambda width, **_: world.arms[0].state().gripper)
     world.arms[0]._width = 0.0
     result = run_alone(load_library(registry.skill_paths)["wave-hello"], registry.tools, world, tmp_path)

@@ -14,7 +14,7 @@ from gap_runtime.contracts.types import BoundingBox2D, Image, Mask
 from gap_runtime.errors import PerceptionError
 from gap_runtime.graph.compile import compile_workflow
 from gap_runtime.run.execute import RunSetup, run_graph
-from gap_runtime.testing import FakeWorld, fake_skill, fake_tools, fake_workflow
+from gap_runtime.testing import FakeCell, fake_skill, fake_tools, fake_workflow
 from tests.unit.skills.stage import LIBRARY, ROBOTS, Stage, script
 
 run = script("track-object", "run")
@@ -148,8 +148,8 @@ def test_a_graph_reads_the_latest_snapshot_while_the_arm_moves():
     graph = compile_workflow(
         workflow, LIBRARY["track-object"].path, served, skills, LIBRARY.canonical_scripts(workflow)
     )
-    world = FakeWorld(pace=0.3)
-    result = run_graph(graph, RunSetup(world=world))
+    world = FakeCell(pace=0.3)
+    result = run_graph(graph, RunSetup(cell=world))
     assert result.status == "success", result.error
     assert frames and closed == ["t"]
     assert world._listeners == {}

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gap_mujoco.scoring import conditions
-from gap_mujoco.world import MujocoWorld
+from gap_mujoco.simulator import MujocoSimulator
 
 pytestmark = pytest.mark.sim
 GROCERIES = [
@@ -25,7 +25,7 @@ def relative(world, name):
 def alone(task, robots, request):
     """A world with one grocery and the basket."""
     only = task.model_copy(update={"scenes": {request.param: {request.param: "slot_b", "basket": "bin"}}})
-    world = MujocoWorld(only, request.param, robots)
+    world = MujocoSimulator(only, request.param, robots)
     world.reset(world.sample(3))
     yield world, only, request.param
     world.close()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gap_mujoco.control.contact_reaction import BACK_OFF
-from gap_mujoco.world import MujocoWorld
+from gap_mujoco.simulator import MujocoSimulator
 from gap_runtime.contracts.failures import MotionError
 from gap_runtime.contracts.task import Support
 from gap_runtime.contracts.types import Quaternion, Se3Pose, Vec3
@@ -29,7 +29,7 @@ def made(request, task):
     cell = task.model_copy(
         update={"robots": [robot], "environment": task.environment.model_copy(update={"supports": supports})}
     )
-    world = MujocoWorld(cell, "milk", {request.param: REGISTRY.robot(request.param)})
+    world = MujocoSimulator(cell, "milk", {request.param: REGISTRY.robot(request.param)})
     world.task = cell
     yield world
     world.close()
@@ -39,14 +39,14 @@ def made(request, task):
 def cell(made):
     """The world, its only drive, the share of the contact torque at every step, and `call(tool, **inputs)`."""
     context = SimpleNamespace(
-        world=made, task=made.task, state={}, seed=0, robot=lambda arm_id=0: made.arms[0].spec,
+        cell=made, task=made.task, state={}, seed=0, robot=lambda arm_id=0: made.arms[0].spec,
         shared=lambda key, make: make(), raise_if_cancelled=lambda: None,
     )  # fmt: skip
     made.reset(made.sample(1))
     drive, shares = made._drives[0], []
     made._physics.observers.append(lambda: shares.append((drive.outside_torque / drive.outside_limit).max()))
     yield SimpleNamespace(
-        world=made, arm=made.arms[0], shares=shares, drive=drive,
+        cell=made, arm=made.arms[0], shares=shares, drive=drive,
         call=lambda name, **inputs: REGISTRY.tool(name)(context, **inputs),
     )  # fmt: skip
     made._physics.observers.clear()
@@ -64,8 +64,8 @@ def into_the_slab(cell, speed):
 def test_an_arm_that_met_a_slab_lets_go_and_goes_home(cell, speed):
     into_the_slab(cell, speed)
     met, here = next(i for i, share in enumerate(cell.shares) if share > 1), cell.arm.state().ee_pose.position.z
-    assert (len(cell.shares) - met) * cell.world._scene.model.opt.timestep < YIELDING
-    cell.world.wait(0.3)
+    assert (len(cell.shares) - met) * cell.cell._scene.model.opt.timestep < YIELDING
+    cell.cell.wait(0.3)
     rest = cell.arm.state()
     assert cell.shares[-1] < 1 and np.abs(rest.joints.velocities).max() < 0.01
     assert abs(rest.ee_pose.position.z - here) < 2 * BACK_OFF
@@ -76,8 +76,8 @@ def test_an_arm_that_met_a_slab_lets_go_and_goes_home(cell, speed):
 def test_an_arm_that_nobody_waits_for_lets_go_too(cell):
     p = cell.arm.state().ee_pose.position
     cell.call("robot_control.GoToPose", pose=Se3Pose(Vec3(p.x + 0.05, p.y, TOP - 0.12), DOWN), nonblocking=True)
-    assert cell.world.time == 0
-    cell.world.wait(2.0)
+    assert cell.cell.time == 0
+    cell.cell.wait(2.0)
     assert max(cell.shares) > 1 and cell.shares[-1] < 1
     with pytest.raises(MotionError) as stop:
         cell.call("robot_control.GoHome")

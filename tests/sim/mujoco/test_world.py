@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from gap_mujoco.world import MujocoWorld
+from gap_mujoco.simulator import MujocoSimulator
 from gap_runtime.contracts.failures import (
     BadRequestError,
     GapError,
@@ -50,7 +50,7 @@ def test_equal_episodes_are_equal_to_the_byte(make_world, task, robots, move_to)
         frame = world.observe(["wrist"]).cameras[0]
         return state_bytes(world) + frame.rgb.data.tobytes() + frame.depth.data.tobytes()
 
-    used, fresh = make_world(), MujocoWorld(task, "alphabet_soup", robots)
+    used, fresh = make_world(), MujocoSimulator(task, "alphabet_soup", robots)
     used.reset(used.sample(2))
     used.wait(0.1)
     assert episode(used) == episode(fresh)
@@ -156,7 +156,7 @@ def test_an_instance_of_another_scene_is_refused(world):
 
 
 def test_an_empty_world_says_so(task, robots):
-    world = MujocoWorld(task, "milk", robots)
+    world = MujocoSimulator(task, "milk", robots)
     for attempt in (world.observe, world.snapshot, lambda: world.wait(1), lambda: world.arms[0].set_gripper(0.01)):
         with pytest.raises(GapError, match="until it is reset"):
             attempt()
@@ -180,7 +180,7 @@ def test_unknown_names_and_durations_are_refused(world, task, robots):
     with pytest.raises(UnknownNameError, match="nose"):
         world.camera_pose("nose")
     with pytest.raises(UnknownNameError, match="robot 'panda'"):
-        MujocoWorld(task, "milk", {})
+        MujocoSimulator(task, "milk", {})
     with pytest.raises(BadRequestError):
         world.wait(float("nan"))
     with pytest.raises(BadRequestError):

@@ -23,7 +23,7 @@ def test_a_fast_line_does_not_overshoot(cell_of, robot, lean):
     world, seen = cell_of(robot), []
     drive = world._drives[0]
     context = SimpleNamespace(
-        world=world, task=world.task, state={}, seed=0, robot=lambda arm_id=0: world.arms[0].spec,
+        cell=world, task=world.task, state={}, seed=0, robot=lambda arm_id=0: world.arms[0].spec,
         shared=lambda key, make: make(), raise_if_cancelled=lambda: None,
     )  # fmt: skip
     turn = Rotation.from_euler("x", 180, degrees=True) * Rotation.from_euler("y", lean, degrees=True)

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gap_mujoco.world import MujocoWorld
+from gap_mujoco.simulator import MujocoSimulator
 from gap_robots.panda import SIDE_BY_SIDE
 from gap_runtime.contracts.failures import MotionError
 from gap_runtime.contracts.task import RobotPlacement
@@ -31,7 +31,7 @@ def made(request, task):
     robots = [RobotPlacement(model=m, position=p, yaw_deg=y) for m, (p, y) in zip(models, places, strict=True)]
     environment = task.environment.model_copy(update={"workspace": ((-1.0, -1.0, -0.2), (1.0, 1.0, 1.2))})
     cell = task.model_copy(update={"robots": robots, "environment": environment})
-    world = MujocoWorld(cell, "milk", {m: REGISTRY.robot(m) for m in models})
+    world = MujocoSimulator(cell, "milk", {m: REGISTRY.robot(m) for m in models})
     world.task = cell
     yield world
     world.close()
@@ -40,14 +40,14 @@ def made(request, task):
 @pytest.fixture
 def cell(made):
     context = SimpleNamespace(
-        world=made, task=made.task, state={}, seed=0, robot=lambda arm_id=0: made.arms[arm_id].spec,
+        cell=made, task=made.task, state={}, seed=0, robot=lambda arm_id=0: made.arms[arm_id].spec,
         shared=lambda key, make: make(), raise_if_cancelled=lambda: None,
     )  # fmt: skip
     made.reset(made.sample(1))
     speeds = []
     made._physics.observers.append(lambda: speeds.append([np.abs(d.velocity).max() for d in made._drives]))
     yield SimpleNamespace(
-        world=made, arms=made.arms, speeds=speeds,
+        cell=made, arms=made.arms, speeds=speeds,
         call=lambda name, **inputs: REGISTRY.tool(name)(context, **inputs),
     )  # fmt: skip
     made._physics.observers.clear()
@@ -86,9 +86,9 @@ def test_joints_of_both_arrive_and_home_is_reached_together(cell):
     cell.call("robot_control.GoHome")
     for arm in cell.arms:
         np.testing.assert_allclose(arm.state().joints.positions, arm.spec.home, atol=2e-3)
-    began = cell.world.time
+    began = cell.cell.time
     cell.call("robot_control.GoHome")
-    assert cell.world.time < began + 0.1
+    assert cell.cell.time < began + 0.1
 
 
 def test_one_of_two_moves_and_the_other_stays(cell):
@@ -101,12 +101,12 @@ def test_one_of_two_moves_and_the_other_stays(cell):
 def test_an_arm_under_way_goes_on_while_the_other_moves(cell):
     first, second = apart(cell)
     cell.call("robot_control.GoToPose", pose=first, nonblocking=True)
-    assert cell.world.time == 0
+    assert cell.cell.time == 0
     cell.call("robot_control.GoToPoseArm", arm_id=1, pose=second)
-    together = cell.world.time
+    together = cell.cell.time
     cell.arms[0].finish()
     assert off(cell, 0, first) < 2e-3 and off(cell, 1, second) < 2e-3
-    assert (np.array(cell.speeds).min(axis=1) > 0.05).any() and cell.world.time < 1.5 * together
+    assert (np.array(cell.speeds).min(axis=1) > 0.05).any() and cell.cell.time < 1.5 * together
 
 
 def test_when_one_of_two_meets_the_floor_both_stop(cell):
@@ -115,7 +115,7 @@ def test_when_one_of_two_meets_the_floor_both_stop(cell):
     with pytest.raises(MotionError) as error:
         cell.call("robot_control.GoToPoseBoth", pose_arm0=away, pose_arm1=under)
     assert error.value.code == "contact"
-    cell.world.wait(0.2)
+    cell.cell.wait(0.2)
     assert max(np.abs(arm.state().joints.velocities).max() for arm in cell.arms) < 0.02
     assert off(cell, 0, away) > 0.01
     cell.call("robot_control.GoHome")

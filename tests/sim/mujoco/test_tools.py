@@ -17,7 +17,7 @@ pytestmark = pytest.mark.sim
 
 @pytest.fixture
 def ctx(world, task):
-    return SimpleNamespace(world=world, task=task, state={}, seed=1)
+    return SimpleNamespace(cell=world, task=task, state={}, seed=1)
 
 
 def test_init_confirms_the_world_that_runs(ctx):
@@ -36,22 +36,22 @@ def test_init_says_what_it_cannot_honour(ctx, wrong):
 def test_reset_begins_the_episode_of_the_seed_and_forgets_the_last(ctx):
     ctx.state["tracker"] = object()
     tools.reset(ctx, seed=4)
-    assert ctx.world.time == 0 and ctx.state == {}
+    assert ctx.cell.time == 0 and ctx.state == {}
     true = {o.name: o.pose.position.array for o in tools.get_state(ctx).objects}
-    for name, pose in ctx.world.sample(4).poses.items():
+    for name, pose in ctx.cell.sample(4).poses.items():
         assert np.allclose(true[name], pose.position.array, atol=1e-3)
 
 
 def test_a_step_is_a_twentieth_of_a_second(ctx):
     stepped = tools.step_once(ctx)
-    assert ctx.world.time == pytest.approx(0.05)
+    assert ctx.cell.time == pytest.approx(0.05)
     assert (stepped.reward, stepped.terminated, stepped.truncated) == (0.0, False, False)
     tools.step_once(ctx, gripper_fraction=0.5)
-    assert ctx.world.arms[0].state().gripper.fraction == pytest.approx(0.5, abs=0.02)
+    assert ctx.cell.arms[0].state().gripper.fraction == pytest.approx(0.5, abs=0.02)
 
 
 def test_joints_are_reached_or_the_request_refused(ctx):
-    arm = ctx.world.arms[0]
+    arm = ctx.cell.arms[0]
     goal = arm.state().joints.positions + 0.1
     assert not tools.move_to_joints(ctx, target_joints=JointState(goal)).truncated
     assert np.allclose(arm.state().joints.positions, goal, atol=0.01)
@@ -63,7 +63,7 @@ def test_joints_are_reached_or_the_request_refused(ctx):
 
 def test_jaws_by_fraction(ctx):
     tools.set_gripper(ctx, fraction=0.25)
-    assert ctx.world.arms[0].state().gripper.width == pytest.approx(0.02, abs=0.001)
+    assert ctx.cell.arms[0].state().gripper.width == pytest.approx(0.02, abs=0.001)
     with pytest.raises(BadRequestError):
         tools.set_gripper(ctx, fraction=1.5)
     with pytest.raises(UnknownNameError, match="arm '3'"):
@@ -81,9 +81,9 @@ def test_a_film_has_a_frame_per_twentieth_of_a_second(ctx, tmp_path):
     path = str(tmp_path / "film.mp4")
     assert tools.save_video(ctx, output_path=path, clear=False) == (False, "", 0)
     tools.enable_video_capture(ctx, enabled=True, clear=True)
-    ctx.world.wait(0.5)
+    ctx.cell.wait(0.5)
     tools.enable_video_capture(ctx, enabled=False, clear=False)
-    ctx.world.wait(0.5)
+    ctx.cell.wait(0.5)
     film = tools.save_video(ctx, output_path=path, clear=True)
     assert film.success and film.num_frames == 11
     video = cv2.VideoCapture(path)
@@ -93,7 +93,7 @@ def test_a_film_has_a_frame_per_twentieth_of_a_second(ctx, tmp_path):
 
 def test_a_film_that_cannot_be_written_says_so(ctx, tmp_path):
     tools.enable_video_capture(ctx, enabled=True, clear=True)
-    ctx.world.wait(0.1)
+    ctx.cell.wait(0.1)
     tools.enable_video_capture(ctx, enabled=False, clear=False)
     with pytest.raises(BadRequestError, match="Does its folder exist"):
         tools.save_video(ctx, output_path=str(tmp_path / "missing" / "film.mp4"), clear=False)

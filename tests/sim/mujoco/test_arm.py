@@ -195,11 +195,11 @@ def test_jaws_refuse_what_the_gripper_cannot_do(world, width, force):
 
 
 def test_two_arms_share_one_cell(task, robots):
-    from gap_mujoco.world import MujocoWorld
+    from gap_mujoco.simulator import MujocoSimulator
     from gap_runtime.contracts.task import RobotPlacement
 
     across = RobotPlacement(model="panda", position=(0.6, 0.0, 0.0), yaw_deg=180)
-    world = MujocoWorld(task.model_copy(update={"robots": [task.robots[0], across]}), "milk", robots)
+    world = MujocoSimulator(task.model_copy(update={"robots": [task.robots[0], across]}), "milk", robots)
     world.reset(world.sample(0))
     left, right = world.arms
     assert world.camera_names == ("agentview", "wrist_0", "wrist_1")

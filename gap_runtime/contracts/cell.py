@@ -1,29 +1,19 @@
-"""A world: what a simulator or a robot cell offers to tools, and, for simulators only, to whoever keeps the score."""
+"""A robot cell: cameras, arms, grippers, a clock and stop. What tools reach; a simulator is one (simulator.py)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Annotated, Protocol, runtime_checkable
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.snapshot import WorldSnapshot
-from gap_runtime.contracts.types import WORLD, ArmState, Array, GripperState, Observation, Se3Pose, Trajectory
+from gap_runtime.contracts.types import ArmState, Array, GripperState, Observation, Se3Pose, Trajectory
 
 
 @dataclass(frozen=True)
-class Instance:
-    """One sample from the belief space: where every object starts. Poses are T_world_object."""
-
-    seed: int
-    scene: str
-    poses: Mapping[str, Annotated[Se3Pose, WORLD]]
-    joints: Mapping[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class WorldFrame:
-    """What a recorder sees at one instant of world time: sensors, plus ground truth for drawing only."""
+class CellFrame:
+    """What a recorder sees at one instant of cell time: sensors, plus a simulator's ground truth for drawing only."""
 
     time: float
     observation: Observation
@@ -99,26 +89,24 @@ class Arm(Protocol):
         """
 
 
-class World(Protocol):
-    """A cell. Methods may be called from any thread; the world serialises them."""
+class Cell(Protocol):
+    """What a robot cell offers. Methods may be called from any thread; the cell serialises them."""
 
     @property
     def arms(self) -> Sequence[Arm]:
         """By arm_id."""
 
     @property
+    def real_time(self) -> bool:
+        """True where time passes by itself (a robot); false where it is stepped (a simulator)."""
+
+    @property
     def time(self) -> float:
-        """World time [s]: simulated time, or the cell's monotonic clock."""
+        """Cell time [s]: simulated time, or the cell's monotonic clock."""
 
     @property
     def camera_names(self) -> tuple[str, ...]:
         """All cameras, robot-mounted ones included, in a fixed order."""
-
-    def sample(self, seed: int) -> Instance:
-        """Draw an instance from the task's belief space. Raises `TaskInfeasibleError`."""
-
-    def reset(self, instance: Instance) -> None:
-        """Start an episode: objects placed, settled, the arm at home. The only call that writes positions."""
 
     def observe(self, cameras: Sequence[str] | None = None) -> Observation:
         """RGB-D of the named cameras (default all) and the arms' states, all at one instant."""
@@ -129,11 +117,8 @@ class World(Protocol):
     def wait(self, seconds: float) -> None:
         """Let world time pass."""
 
-    def snapshot(self) -> WorldSnapshot:
-        """Ground truth. Privileged: raises `PrivilegedReadError` inside a policy node."""
-
     def subscribe(
-        self, listener: Callable[[WorldFrame], None], hz: float, cameras: Sequence[str] = ()
+        self, listener: Callable[[CellFrame], None], hz: float, cameras: Sequence[str] = ()
     ) -> Callable[[], None]:
         """Call `listener` at `hz` of world time while it passes; returns how to unsubscribe. Changes no physics."""
 
@@ -142,8 +127,8 @@ class World(Protocol):
 
 
 @runtime_checkable
-class LockstepWorld(Protocol):
-    """A world whose arms can move together; whoever moves several at once asks for it."""
+class LockstepCell(Protocol):
+    """A cell whose arms can move together; whoever moves several at once asks for it."""
 
     def execute(self, motions: Mapping[int, Trajectory], *, tolerance: float = 0.01) -> None:
         """Track one trajectory per arm_id at the same time; done, refused and failing as `Arm.execute` is.

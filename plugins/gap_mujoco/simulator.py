@@ -17,20 +17,23 @@ from gap_mujoco.rendering.camera import Renderer, camera_pose, observe
 from gap_mujoco.rendering.noise import SensorNoise
 from gap_mujoco.subscriptions import Ear
 from gap_mujoco.thread import WorldThread
+from gap_runtime.contracts.cell import CellFrame
 from gap_runtime.contracts.failures import BadRequestError, GapError, TaskInfeasibleError, UnknownNameError
 from gap_runtime.contracts.privilege import assert_privileged, current_node
 from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.contracts.simulator import Instance
 from gap_runtime.contracts.snapshot import WorldSnapshot
 from gap_runtime.contracts.task import Task
 from gap_runtime.contracts.types import CameraObservation, Mask, Observation, Se3Pose, Trajectory
-from gap_runtime.contracts.world import Instance, WorldFrame
 
 SETTLE_MIN, SETTLE_MAX = 0.1, 1.5  # [s] physics may take to bring placed objects to rest
 SETTLE_TOLERANCE = 0.005  # [m] an object may move while it comes to rest
 
 
-class MujocoWorld:
+class MujocoSimulator:
     """One scene of one task. Every method may be called from any thread; all of it happens on one."""
+
+    real_time = False
 
     def __init__(self, task: Task, scene: str, robots: Mapping[str, RobotSpec]) -> None:
         self._thread = WorldThread("mujoco")
@@ -166,7 +169,7 @@ class MujocoWorld:
         return self._noise.calibrated(name, true)
 
     def execute(self, motions: Mapping[int, Trajectory], *, tolerance: float = 0.01) -> None:
-        """Move several arms at once; see `gap_runtime.contracts.world.LockstepWorld.execute`."""
+        """Move several arms at once; see `gap_runtime.contracts.cell.LockstepCell.execute`."""
         unknown = sorted(set(motions) - set(range(len(self._arms))))
         if unknown:
             raise UnknownNameError("arm", str(unknown[0]), [str(i) for i in range(len(self._arms))])
@@ -186,16 +189,16 @@ class MujocoWorld:
         return self._thread.call(self._truth.snapshot, self._start)
 
     def subscribe(
-        self, listener: Callable[[WorldFrame], None], hz: float, cameras: Sequence[str] = ()
+        self, listener: Callable[[CellFrame], None], hz: float, cameras: Sequence[str] = ()
     ) -> Callable[[], None]:
         """Call `listener` on the world's thread at `hz` of world time. Within a policy node, frames hold no truth."""
         if not 0 < hz <= 500:
             raise BadRequestError("range", f"Cannot listen at {hz} Hz; more than 0, up to 500 Hz is possible.")
         truth = current_node() is None
 
-        def take() -> WorldFrame:
+        def take() -> CellFrame:
             snapshot = self._truth.snapshot(self._start) if truth else None
-            return WorldFrame(self.time, self._observe(cameras), snapshot)
+            return CellFrame(self.time, self._observe(cameras), snapshot)
 
         ear = Ear(listener, hz, lambda: self.time, take)
         self._thread.call(self._physics.observers.append, ear)

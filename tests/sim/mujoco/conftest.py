@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gap_mujoco.control.point_to_point import joint_move
-from gap_mujoco.world import MujocoWorld
+from gap_mujoco.simulator import MujocoSimulator
 from gap_robots.panda import panda
 from gap_runtime.contracts.task import load_task
 
@@ -35,7 +35,7 @@ def make_world(robots):
 
     def make(scene="alphabet_soup"):
         if scene not in made:
-            made[scene] = MujocoWorld(TASK, scene, robots)
+            made[scene] = MujocoSimulator(TASK, scene, robots)
         return made[scene]
 
     yield make
@@ -63,7 +63,7 @@ def cells():
             task = TASK.model_copy(
                 update={"robots": [TASK.robots[0].model_copy(update={"model": robot, "home": None})]}
             )
-            made[robot] = MujocoWorld(task, "milk", specs)
+            made[robot] = MujocoSimulator(task, "milk", specs)
             made[robot].task = task
         return made[robot]
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gap_mujoco.rendering.noise import calibration_error
-from gap_mujoco.world import MujocoWorld
+from gap_mujoco.simulator import MujocoSimulator
 from gap_runtime.contracts.failures import DocumentError, PrivilegedReadError
 from gap_runtime.contracts.privilege import node_scope
 from gap_runtime.contracts.sensors import CameraNoise, Sensors, StereoDepth
@@ -25,7 +25,7 @@ def with_noise(task, use="real", **models):
 
 @pytest.fixture(scope="module")
 def noisy(task, robots):
-    world = MujocoWorld(with_noise(task), "alphabet_soup", robots)
+    world = MujocoSimulator(with_noise(task), "alphabet_soup", robots)
     world.reset(world.sample(1))
     yield world
     world.close()
@@ -64,7 +64,7 @@ def test_without_noise_frames_are_the_renderers_own(world, task):
 
 
 def test_models_of_zeros_change_no_byte(task, robots, world):
-    blank = MujocoWorld(with_noise(task, "none", none=CameraNoise()), "alphabet_soup", robots)
+    blank = MujocoSimulator(with_noise(task, "none", none=CameraNoise()), "alphabet_soup", robots)
     blank.reset(blank.sample(1))
     for a, b in zip(blank.observe().cameras, world.observe().cameras, strict=True):
         assert a.rgb == b.rgb and a.depth == b.depth and np.allclose(a.pose.matrix, b.pose.matrix, atol=1e-12)
@@ -130,7 +130,7 @@ def test_the_calibration_error_is_as_large_as_declared():
 
 
 def test_a_displaced_camera_still_sees_the_floor_where_it_is(noisy, instance):
-    from tests.sim.world.test_camera import points
+    from tests.sim.mujoco.test_camera import points
 
     for frame in noisy.true_frames():
         z = points(frame)[..., 2]
@@ -158,7 +158,7 @@ def test_the_light_changes_with_the_episode_and_stays_within_it(noisy, instance,
 
 def test_one_camera_alone_may_be_noisy(task, robots, world):
     world.reset(world.sample(1))
-    mixed = MujocoWorld(with_noise(task, {"wrist": "dark"}, dark=CameraNoise(colour=9)), "alphabet_soup", robots)
+    mixed = MujocoSimulator(with_noise(task, {"wrist": "dark"}, dark=CameraNoise(colour=9)), "alphabet_soup", robots)
     mixed.reset(mixed.sample(1))
     clean, seen = frames(world), frames(mixed)
     assert same(clean["agentview"], seen["agentview"])
@@ -168,4 +168,4 @@ def test_one_camera_alone_may_be_noisy(task, robots, world):
 
 def test_a_camera_the_cell_does_not_have_is_named(task, robots):
     with pytest.raises(DocumentError, match=r"task.yaml: sensors.use.wirst: is not a camera Did you mean 'wrist'"):
-        MujocoWorld(with_noise(task, {"wirst": "real"}), "alphabet_soup", robots)
+        MujocoSimulator(with_noise(task, {"wirst": "real"}), "alphabet_soup", robots)

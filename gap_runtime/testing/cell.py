@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from gap_runtime.contracts.cell import CellFrame, Setpoint
 from gap_runtime.contracts.failures import MotionError, UnknownNameError
 from gap_runtime.contracts.privilege import assert_privileged
 from gap_runtime.contracts.robot import GripperSpec, JointLimits, RobotSpec
+from gap_runtime.contracts.simulator import Instance
 from gap_runtime.contracts.snapshot import ArmTruth, BodyState, WorldSnapshot
 from gap_runtime.contracts.types import (
     ArmState,
@@ -28,7 +30,6 @@ from gap_runtime.contracts.types import (
     Trajectory,
     Vec3,
 )
-from gap_runtime.contracts.world import Instance, Setpoint, WorldFrame
 
 STEP_S = 0.02
 UPRIGHT = Quaternion(1.0, 0.0, 0.0, 0.0)
@@ -54,13 +55,13 @@ class FakeArm:
     `stops` counts calls of `stop`; `stop_problem` is raised by it, `deaf` makes it hang.
     """
 
-    def __init__(self, world: FakeWorld, arm_id: int, spec: RobotSpec = FAKE_ROBOT) -> None:
+    def __init__(self, cell: FakeCell, arm_id: int, spec: RobotSpec = FAKE_ROBOT) -> None:
         self.spec, self.base_pose = spec, Se3Pose(Vec3(-0.6, 0.0, 0.0), UPRIGHT)
         self.commands: list[str] = []
         self.stops = 0
         self.stop_problem: BaseException | None = None
         self.deaf = False
-        self._world, self._arm_id = world, arm_id
+        self._cell, self._arm_id = cell, arm_id
         self._joints = np.array(spec.home)
         self._width = spec.gripper.max_width
         self._stop = threading.Event()
@@ -79,7 +80,7 @@ class FakeArm:
         self._stop.clear()
         self.finish()
         for t in np.arange(0.0, trajectory.duration + 1e-9, STEP_S):
-            self._world.advance(STEP_S, self._stop)
+            self._cell.advance(STEP_S, self._stop)
             if self._stop.is_set():
                 raise MotionError("stopped", f"Arm {self._arm_id} was stopped.")
             self._joints = _at(trajectory, t)
@@ -91,12 +92,12 @@ class FakeArm:
         self._stop.clear()
         if not replace:
             self.finish()
-        self._under_way = (trajectory, self._world.time)
+        self._under_way = (trajectory, self._cell.time)
 
     def finish(self) -> None:
         """Let time pass until what was started is done."""
         while self._under_way is not None:
-            self._world.advance(STEP_S, self._stop)
+            self._cell.advance(STEP_S, self._stop)
 
     def setpoint(self) -> Setpoint:
         """Where the joints are, and how they move."""
@@ -104,7 +105,7 @@ class FakeArm:
         goal = now
         if self._under_way is not None:
             trajectory, began = self._under_way
-            slope = (_at(trajectory, self._world.time - began + STEP_S) - now) / STEP_S
+            slope = (_at(trajectory, self._cell.time - began + STEP_S) - now) / STEP_S
             goal = trajectory.positions[-1]
         return Setpoint(now, slope, np.zeros_like(now), goal)
 
@@ -112,8 +113,8 @@ class FakeArm:
         """After time has passed: be where the trajectory that was started is by now."""
         if self._under_way is not None:
             trajectory, began = self._under_way
-            self._joints = _at(trajectory, self._world.time - began)
-            if self._world.time - began >= trajectory.duration - 1e-9:
+            self._joints = _at(trajectory, self._cell.time - began)
+            if self._cell.time - began >= trajectory.duration - 1e-9:
                 self.drop()
 
     def drop(self) -> None:
@@ -126,7 +127,7 @@ class FakeArm:
         """Set the jaws."""
         self.commands.append("set_gripper")
         if wait:
-            self._world.advance(settle, self._stop)
+            self._cell.advance(settle, self._stop)
         self._width = float(np.clip(width, 0.0, self.spec.gripper.max_width))
         return self.state().gripper
 
@@ -141,7 +142,7 @@ class FakeArm:
             raise self.stop_problem
 
 
-class FakeWorld:
+class FakeCell:
     """A world of boxes that never move. `pace` is wall seconds per second of world time (0: as fast as it can)."""
 
     def __init__(
@@ -156,7 +157,7 @@ class FakeWorld:
         self._home = {name: Se3Pose(p, UPRIGHT) for name, p in (objects or {"can": Vec3(0.0, 0.1, 0.05)}).items()}
         self._poses = dict(self._home)
         self._start: WorldSnapshot | None = None
-        self._listeners: dict[int, tuple[Callable[[WorldFrame], None], float, float]] = {}
+        self._listeners: dict[int, tuple[Callable[[CellFrame], None], float, float]] = {}
         self.closed = False
 
     def sample(self, seed: int) -> Instance:
@@ -200,7 +201,7 @@ class FakeWorld:
         return WorldSnapshot(self.time, bodies, {}, arms, start=self._start)
 
     def subscribe(
-        self, listener: Callable[[WorldFrame], None], hz: float, cameras: Sequence[str] = ()
+        self, listener: Callable[[CellFrame], None], hz: float, cameras: Sequence[str] = ()
     ) -> Callable[[], None]:
         """Call `listener` at `hz` of world time."""
         key = max(self._listeners, default=0) + 1
@@ -220,7 +221,7 @@ class FakeWorld:
             for key, (listener, period, last) in list(self._listeners.items()):
                 if self.time >= last + period - 1e-9:
                     self._listeners[key] = (listener, period, self.time)
-                    listener(WorldFrame(self.time, self.observe(), None))
+                    listener(CellFrame(self.time, self.observe(), None))
         if self._pace:
             (stop or threading.Event()).wait(seconds * self._pace)
 

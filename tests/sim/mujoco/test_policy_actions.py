@@ -20,13 +20,13 @@ def cell(request, cell_of):
     """One robot at home, its set-points as they are given, and `act(*action)`."""
     world, seen = cell_of(request.param), []
     context = SimpleNamespace(
-        world=world, task=world.task, state={}, seed=0, robot=lambda arm_id=0: world.arms[0].spec,
+        cell=world, task=world.task, state={}, seed=0, robot=lambda arm_id=0: world.arms[0].spec,
         shared=lambda key, make: make(), raise_if_cancelled=lambda: None,
     )  # fmt: skip
     drive = world._drives[0]
     world._physics.observers.append(lambda: seen.append((drive.applied.positions, drive.velocities)))
     yield SimpleNamespace(
-        world=world, arm=world.arms[0], seen=seen,
+        cell=world, arm=world.arms[0], seen=seen,
         act=lambda *action: REGISTRY.tool("robot_control.ApplyPolicyAction")(context, action=list(action)),
     )  # fmt: skip
     world._physics.observers.clear()
@@ -37,7 +37,7 @@ def test_small_actions_flow_and_add_up(cell):
     before = cell.arm.state().ee_pose
     for _ in range(count):
         cell.act(*action)
-    assert cell.world.time == pytest.approx(count * STEP)
+    assert cell.cell.time == pytest.approx(count * STEP)
     speeds = np.linalg.norm([v for _, v in cell.seen], axis=1)
     moving = speeds[2 * len(speeds) // count :]  # once two actions have brought it up to speed
     assert moving.min() > 0.5 * moving.max()
@@ -54,7 +54,7 @@ def test_the_largest_actions_stay_inside_every_limit(cell):
     for k in range(12):
         cell.act(*([0, 1.0, 0] if k < 6 else [0, -1.0, 0]), 0, 0, 0, 1.0 if k % 2 else -1.0)
     cell.arm.finish()
-    rows, step = np.array([q for q, _ in cell.seen]), cell.world._scene.model.opt.timestep
+    rows, step = np.array([q for q, _ in cell.seen]), cell.cell._scene.model.opt.timestep
     for order, name in enumerate(("velocity", "acceleration", "jerk"), start=1):
         limits = [getattr(x, name) for x in cell.arm.spec.limits]
         assert (np.abs(np.diff(rows, order, axis=0)).max(axis=0) / step**order <= np.array(limits) * 1.02).all(), name
@@ -65,7 +65,7 @@ def test_the_largest_actions_stay_inside_every_limit(cell):
 def test_jaws_move_while_the_arm_does(cell):
     for _ in range(4):
         cell.act(0.1, 0, 0, 0, 0, 0, 1.0)
-    assert cell.world.time == pytest.approx(4 * STEP)
+    assert cell.cell.time == pytest.approx(4 * STEP)
     assert 0 < cell.arm.state().gripper.width < cell.arm.spec.gripper.max_width - 0.01
 
 
