@@ -62,7 +62,7 @@ def new(
     """Start a plugin with a skill and a tool of your own."""
     from gap_cli.skills.scaffold import new_plugin
 
-    files = new_plugin(name, into)
+    files = new_plugin(name, into, _library())
     if json:
         print_json({"name": name, "path": str(into / name), "files": [str(f) for f in files]})
         return

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import importlib.util
 import re
+from collections.abc import Container
+from importlib import metadata
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -15,10 +19,11 @@ _NAME = re.compile(r"^[a-z][a-z0-9]*(-[a-z0-9]+)*$")
 MAX_NAME = 50  # the skill format allows 64; the package name adds a prefix
 
 
-def new_plugin(name: str, into: Path) -> list[Path]:
+def new_plugin(name: str, into: Path, skills: Container[str] = ()) -> list[Path]:
     """Write the plugin into the new folder `into`/`name`; returns the files, sorted.
 
-    Raises `BadRequestError` for a name no skill can have, `StorageError` when the folder exists or cannot be written.
+    Raises `BadRequestError` for a name no skill can have and for one that is taken: by one of `skills`, or by an
+    installed package, which the new one would replace. `StorageError` when the folder exists or cannot be written.
     """
     if not _NAME.match(name) or len(name) > MAX_NAME:
         raise BadRequestError(
@@ -26,6 +31,9 @@ def new_plugin(name: str, into: Path) -> list[Path]:
             f"{name!r} is not a name for a skill.",
             hint=f"Use lower-case words joined by hyphens, at most {MAX_NAME} characters: wave-hello.",
         )
+    taken = f"there is a skill {name}" if name in skills else _installed(f"gap-{name}")
+    if taken:
+        raise BadRequestError("name", f"{name!r} is taken: {taken}.", hint="Choose another name.")
     root = into / name
     files = {root / path: text for path, text in _render(name).items()}
     try:
@@ -39,6 +47,14 @@ def new_plugin(name: str, into: Path) -> list[Path]:
     except OSError as error:
         raise StorageError(f"{root} cannot be written ({error.strerror}).") from None
     return sorted(files)
+
+
+def _installed(distribution: str) -> str:
+    """What is installed under the names of a new plugin, or ''."""
+    package = distribution.replace("-", "_")
+    with contextlib.suppress(metadata.PackageNotFoundError):
+        return f"{distribution} {metadata.version(distribution)} is installed"
+    return f"the module {package} is installed" if importlib.util.find_spec(package) else ""
 
 
 def _render(name: str) -> dict[str, str]:

@@ -10,8 +10,11 @@ from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.task import Task
 from gap_runtime.hookspecs import Register, hookimpl
 
-# By default `import mujoco` loads GLFW, which warns on every machine without a screen; rendering.gl draws instead.
-os.environ.setdefault("MUJOCO_GL", "off")
+# `import mujoco` acts on MUJOCO_GL: by default it loads GLFW, which warns where there is no screen, and it raises where
+# the value is none it knows or the library is missing. rendering.gl tries what was asked for, and says what is wrong.
+if (_asked := os.environ.get("MUJOCO_GL", "off")) != "off":
+    os.environ["GAP_MUJOCO_GL"] = _asked  # worker processes are started with "off", and need to know
+os.environ["MUJOCO_GL"] = "off"
 
 
 @hookimpl

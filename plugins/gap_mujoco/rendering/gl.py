@@ -13,6 +13,8 @@ from typing import Any
 from gap_runtime.contracts.failures import GapError
 
 BACKENDS = ("egl", "osmesa")
+# Values of MUJOCO_GL that MuJoCo knows and that ask for nothing without a screen.
+ELSEWHERE = ("", "glfw", "off", "disable", "disabled", "false", "0", "on", "enable", "enabled", "true", "1")
 INSTALL = "On Debian or Ubuntu: apt install libegl1 libgl1 (or libosmesa6)."
 _PROBE_SIZE = 16
 
@@ -25,17 +27,29 @@ class GraphicsError(GapError):
 def probe() -> str:
     """The backend that works here, `egl` or `osmesa`. `MUJOCO_GL` narrows the choice to the one it names.
 
-    Raises `GraphicsError` saying in one sentence what to install.
+    Raises `GraphicsError` saying in one sentence what to install, or that `MUJOCO_GL` names no backend.
     """
+    asked = os.environ.get("GAP_MUJOCO_GL", "").lower().strip()
+    named = asked in BACKENDS
+    if not named and asked not in ELSEWHERE:
+        raise GraphicsError(f"MUJOCO_GL={asked!r} names no OpenGL.", hint=f"Unset it, or set {' or '.join(BACKENDS)}.")
     reasons = []
-    for name in _candidates():
+    for name in (asked,) if named else BACKENDS:
         try:
             _try(name)
             return name
         except Exception as error:  # whatever a driver or a loader raises, the next backend may still work
             _forget(name)
-            reasons.append(f"{name}: {str(error).splitlines()[0] if str(error) else type(error).__name__}")
-    raise GraphicsError(f"No OpenGL can render without a screen here ({'; '.join(reasons)}).", hint=INSTALL)
+            reasons.append(f"{name}: {_reason(error)}")
+    what = f"MUJOCO_GL asks for {asked}, which cannot" if named else "No OpenGL can"
+    hint = f"Unset MUJOCO_GL, or install {asked}. {INSTALL}" if named else INSTALL
+    raise GraphicsError(f"{what} render without a screen here ({'; '.join(reasons)}).", hint=hint)
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, AttributeError):  # of the None that PyOpenGL has instead of a library
+        return "its library was not found"
+    return str(error).splitlines()[0] if str(error) else type(error).__name__
 
 
 def _try(name: str) -> None:
@@ -68,11 +82,6 @@ def _abandon(context: weakref.ref[Any]) -> None:
     alive = context()
     if alive is not None:
         alive._context = None
-
-
-def _candidates() -> tuple[str, ...]:
-    wanted = os.environ.get("MUJOCO_GL", "").lower().strip()
-    return (wanted,) if wanted in BACKENDS else BACKENDS
 
 
 def _context_class(name: str) -> Any:

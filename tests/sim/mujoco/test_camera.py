@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
@@ -88,11 +89,24 @@ def test_no_opengl_at_all_is_one_sentence_with_what_to_install(monkeypatch):
 
     monkeypatch.setattr(gl, "_context_class", broken)
     monkeypatch.setattr(gl, "_forget", lambda name: None)
-    monkeypatch.setenv("MUJOCO_GL", "off")
+    monkeypatch.delenv("GAP_MUJOCO_GL", raising=False)
     with pytest.raises(gl.GraphicsError) as error:
         gl.probe.__wrapped__()
     assert "libegl.so" in error.value.message and "libosmesa.so" in error.value.message
     assert "apt install" in error.value.hint and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"), [("osmesa", "Unset MUJOCO_GL"), ("nonsense", "'nonsense' names no OpenGL")]
+)
+def test_a_backend_that_is_not_there_is_one_sentence(asked, words):
+    """From the first import of MuJoCo, in a child of a process that has registered the plugin."""
+    child = "import mujoco, gap_mujoco\ntry: print(gap_mujoco._rendering())\nexcept Exception as error: print(error)"
+    code = f"import gap_mujoco, subprocess, sys; subprocess.run([sys.executable, '-c', {child!r}])"
+    environment = {**os.environ, "MUJOCO_GL": asked}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False)
+    assert words in done.stdout or (asked, done.stdout.strip()) == ("osmesa", "software OpenGL by osmesa")
+    assert done.stderr == ""
 
 
 def test_true_masks_cover_the_pixels_whose_points_lie_in_the_objects_box(world):

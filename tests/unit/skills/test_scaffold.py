@@ -64,6 +64,16 @@ def test_a_name_no_skill_can_have_is_refused(tmp_path, name):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("cli", "gap-cli"), ("runtime", "gap-runtime"), ("mujoco", "gap_mujoco"), ("pour", "a skill")],
+)
+def test_a_name_that_is_taken_is_refused(tmp_path, name, words):
+    with pytest.raises(BadRequestError, match=words):
+        new_plugin(name, tmp_path, {"pour"})
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_nothing_is_overwritten(tmp_path):
     (tmp_path / "wave-hello").mkdir()
     with pytest.raises(StorageError, match="exists already"):
