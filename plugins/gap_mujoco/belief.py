@@ -13,7 +13,7 @@ from dm_control.composer import variation
 from dm_control.composer.variation import distributions
 from scipy.spatial.transform import Rotation
 
-from gap_mujoco.model.footprint import footprint, gap
+from gap_mujoco.model.footprint import clearance, footprint
 from gap_runtime.contracts.failures import TaskInfeasibleError, UnknownNameError
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.simulator import Instance
@@ -90,7 +90,7 @@ class Belief:
             if not any(np.linalg.norm(draw[name][0] - base) <= reach for base, reach in self._reach):
                 found.append(f"{where} within reach of the robot")
         for a, b in combinations(prints, 2):
-            if gap(prints[a], prints[b]) < self._task.belief.clearance:
+            if clearance(prints[a], prints[b]) < self._task.belief.clearance:
                 found.append(f"{self._region_name(a)} cannot hold {a} clear of {b} in {self._region_name(b)}")
         return found
 

@@ -46,7 +46,7 @@ class MujocoSimulator:
     def _build(self, task: Task, scene: str, robots: Mapping[str, RobotSpec]) -> None:
         self._scene = compose(task, scene, robots)
         self._physics = Physics(self._scene)
-        self._noise = SensorNoise(task, self._scene.eyes, self._scene.model)
+        self._noise = SensorNoise(task, self._scene.cameras, self._scene.model)
         placed = self._scene.robots
         self._drives = tuple(Drive(i, spec, place, self._physics) for i, (spec, place) in enumerate(placed))
         self._arms = tuple(SimArm(d, place, self._thread) for d, (_, place) in zip(self._drives, placed, strict=True))
@@ -71,7 +71,7 @@ class MujocoSimulator:
     @property
     def camera_names(self) -> tuple[str, ...]:
         """The task's cameras, then the robots' own."""
-        return tuple(self._scene.eyes)
+        return tuple(self._scene.cameras)
 
     def sample(self, seed: int) -> Instance:
         """Draw an instance. Privileged, as poses are. Raises `TaskInfeasibleError`."""
@@ -142,30 +142,30 @@ class MujocoSimulator:
         return self._thread.call(lambda: {name: self._masks(name) for name in self.camera_names})
 
     def _masks(self, name: str) -> dict[str, Mask]:
-        eye, body_of = self._scene.eyes[name], self._scene.model.geom_bodyid
-        geoms = self._eye_renderer().geoms(self._physics.data, eye.element, eye.resolution)
+        camera, body_of = self._scene.cameras[name], self._scene.model.geom_bodyid
+        geoms = self._camera_renderer().geoms(self._physics.data, camera.element, camera.resolution)
         shown = np.where(geoms >= 0, self._scene.model.body_rootid[body_of[geoms]], -1)
         return {thing: Mask(shown == self._scene.model.body(f"{thing}/").id) for thing in self._scene.objects}
 
     def _frame(self, name: str) -> CameraObservation:
-        if name not in self._scene.eyes:
-            raise UnknownNameError("camera", name, self._scene.eyes)
+        if name not in self._scene.cameras:
+            raise UnknownNameError("camera", name, self._scene.cameras)
         if self._closed:
             raise GapError("The world is closed.")
-        eye, data = self._scene.eyes[name], self._physics.data
-        return observe(self._eye_renderer(), data, eye.element, eye.resolution, eye.fovy, name)
+        camera, data = self._scene.cameras[name], self._physics.data
+        return observe(self._camera_renderer(), data, camera.element, camera.resolution, camera.fovy, name)
 
-    def _eye_renderer(self) -> Renderer:
+    def _camera_renderer(self) -> Renderer:
         if self._renderer is None:
-            sizes = [e.resolution for e in self._scene.eyes.values()]
+            sizes = [c.resolution for c in self._scene.cameras.values()]
             self._renderer = Renderer(self._scene.model, (max(w for w, _ in sizes), max(h for _, h in sizes)))
         return self._renderer
 
     def camera_pose(self, name: str) -> Se3Pose:
         """T_world_camera (optical), as calibrated. Raises `UnknownNameError`."""
-        if name not in self._scene.eyes:
-            raise UnknownNameError("camera", name, self._scene.eyes)
-        true = self._thread.call(camera_pose, self._physics.data, self._scene.eyes[name].element)
+        if name not in self._scene.cameras:
+            raise UnknownNameError("camera", name, self._scene.cameras)
+        true = self._thread.call(camera_pose, self._physics.data, self._scene.cameras[name].element)
         return self._noise.calibrated(name, true)
 
     def execute(self, motions: Mapping[int, Trajectory], *, tolerance: float = 0.01) -> None:

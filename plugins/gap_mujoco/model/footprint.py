@@ -27,7 +27,7 @@ def footprint(shape: Shape, xy: Array, yaw: float) -> Footprint:
     return Footprint(corners @ np.array([[c, s], [-s, c]]) + xy, 0.0)
 
 
-def gap(a: Footprint, b: Footprint) -> float:
+def clearance(a: Footprint, b: Footprint) -> float:
     """Distance between two footprints [m]; zero or less where they overlap."""
     if _overlap(a.corners, b.corners):
         return -(a.radius + b.radius)

@@ -10,12 +10,12 @@ import mujoco
 import numpy as np
 
 from gap_mujoco.model.compiled import compile_model, new_root
-from gap_mujoco.model.props import build_object, cavity, collision_parts
+from gap_mujoco.model.props import build_object, cavity, collision_primitives
 from gap_mujoco.rendering.camera import OPTICAL, Renderer, observe
 from gap_runtime.contracts.task import ObjectModel
 from gap_runtime.contracts.types import Array, CameraObservation, Mask
 
-__all__ = ["ModelView", "build_object", "cavity", "collision_parts", "render_views"]
+__all__ = ["ModelView", "build_object", "cavity", "collision_primitives", "render_views"]
 
 _FOVY = 30.0
 _LIGHTS = ((-1.0, 1.0, 2.0), (-1.0, -1.0, 2.0))

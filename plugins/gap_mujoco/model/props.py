@@ -1,4 +1,4 @@
-"""One object of a task as MJCF: primitive collision geometry with its mass, and packaging that is only seen."""
+"""One object of a task as MJCF: primitive collision geometry with its mass, and visual packaging."""
 
 from __future__ import annotations
 
@@ -8,36 +8,39 @@ import cv2
 import numpy as np
 from dm_control import mjcf
 
-from gap_mujoco.model.parts import Part
-from gap_mujoco.model.vessels import vessel_cavity, vessel_parts
+from gap_mujoco.model.primitives import CollisionPrimitive
+from gap_mujoco.model.vessels import vessel_cavity, vessel_primitives
 from gap_mujoco.rendering.appearance import Looks, rgb
 from gap_mujoco.rendering.labels import draw_side, draw_top, draw_weave
 from gap_mujoco.rendering.loft import Mesh, Section, face_widths, loft_cap, loft_side
 from gap_runtime.contracts.task import ObjectModel, Shape
 from gap_runtime.contracts.types import Array
 
-SEEN, FELT = 2, 3  # geom groups: what cameras draw, and what collides
+VISUAL, COLLISION = 2, 3  # geom groups
 _CAP_SHARE = 0.62  # a bottle's cap, as a share of its narrower side
 
 
-class Form(NamedTuple):
-    """How a style of packaging departs from its bounding box: cross-sections that are seen, slabs that are felt."""
+class Silhouette(NamedTuple):
+    """How a style of packaging departs from its bounding box: the visual mesh's cross-sections, and the slabs
+    that collide."""
 
     exponent: float
-    seen: tuple[Section, ...]
-    felt: tuple[tuple[float, float, float, float], ...]  # z from, z to, share of x, share of y
+    sections: tuple[Section, ...]
+    slabs: tuple[tuple[float, float, float, float], ...]  # z from, z to, share of x, share of y
 
 
-_BOX = Form(24, (Section(0), Section(1)), ((0, 1, 1, 1),))
-_FORMS = {
-    "can": Form(2, (Section(0, 0.97, 0.97), Section(0.03), Section(0.97), Section(1, 0.97, 0.97)), ((0, 1, 1, 1),)),
+_BOX = Silhouette(24, (Section(0), Section(1)), ((0, 1, 1, 1),))
+_SILHOUETTES = {
+    "can": Silhouette(
+        2, (Section(0, 0.97, 0.97), Section(0.03), Section(0.97), Section(1, 0.97, 0.97)), ((0, 1, 1, 1),)
+    ),
     "box": _BOX,
-    "carton": Form(
+    "carton": Silhouette(
         24,
         (Section(0), Section(0.80), Section(0.93, 1, 0.12), Section(1, 1, 0.12)),
         ((0, 0.80, 1, 1), (0.80, 0.865, 1, 0.72), (0.865, 0.93, 1, 0.34), (0.93, 1, 1, 0.12)),
     ),
-    "bottle": Form(
+    "bottle": Silhouette(
         5,
         (Section(0, 0.95, 0.95), Section(0.02), Section(0.66), Section(0.74, 0.86, 0.86), Section(0.82, 0.55, 0.55)),
         ((0, 0.70, 1, 1), (0.70, 0.82, 0.70, 0.70)),
@@ -53,34 +56,34 @@ def build_object(name: str, model: ObjectModel) -> mjcf.RootElement:
     looks = Looks.of(model.looks, name)
     root = mjcf.RootElement(model=name)
     root.compiler.angle = "radian"
-    parts = collision_parts(model.shape, looks)
-    total = sum(p.volume for p in parts)
-    for part in parts:
+    primitives = collision_primitives(model.shape, looks)
+    total = sum(p.volume for p in primitives)
+    for primitive in primitives:
         root.worldbody.add(
-            "geom", type=part.kind, size=part.size, pos=part.centre, quat=part.quaternion, group=FELT,
-            mass=model.mass * part.volume / total, friction=(model.friction, 0.005, 0.0001), condim=4,
-            solref=(0.006, 1), solimp=(0.95, 0.99, 0.001),
+            "geom", type=primitive.kind, size=primitive.size, pos=primitive.centre, quat=primitive.quaternion,
+            group=COLLISION, mass=model.mass * primitive.volume / total, friction=(model.friction, 0.005, 0.0001),
+            condim=4, solref=(0.006, 1), solimp=(0.95, 0.99, 0.001),
         )  # fmt: skip
-    _dress(root, model.shape, looks, parts)
+    _add_visuals(root, model.shape, looks, primitives)
     return root
 
 
-def collision_parts(shape: Shape, looks: Looks) -> list[Part]:
-    """What is felt of a shape, as primitives."""
+def collision_primitives(shape: Shape, looks: Looks) -> list[CollisionPrimitive]:
+    """The collision geometry of a shape."""
     x, y, z = shape.size
     if shape.kind == "open_box":
         return _open_box(shape, looks.rim)
     if shape.kind in ("pan", "mug"):
-        return vessel_parts(shape)
+        return vessel_primitives(shape)
     if shape.kind == "cylinder":
-        return [Part("cylinder", (x / 2, z / 2), (0, 0, 0))]
-    parts = []
-    for low, high, sx, sy in _FORMS.get(looks.style, _BOX).felt:
+        return [CollisionPrimitive("cylinder", (x / 2, z / 2), (0, 0, 0))]
+    primitives = []
+    for low, high, sx, sy in _SILHOUETTES.get(looks.style, _BOX).slabs:
         half = (sx * x / 2, sy * y / 2, (high - low) * z / 2)
-        parts.append(Part("box", half, (0, 0, ((low + high) / 2 - 0.5) * z)))
+        primitives.append(CollisionPrimitive("box", half, (0, 0, ((low + high) / 2 - 0.5) * z)))
     if looks.style == "bottle":
-        parts.append(_cap(shape))
-    return parts
+        primitives.append(_cap(shape))
+    return primitives
 
 
 def cavity(shape: Shape) -> tuple[Array, Array]:
@@ -92,54 +95,54 @@ def cavity(shape: Shape) -> tuple[Array, Array]:
     return np.array([0, 0, floor / 2]), np.array([x / 2 - wall, y / 2 - wall, (z - floor) / 2])
 
 
-def _cap(shape: Shape) -> Part:
+def _cap(shape: Shape) -> CollisionPrimitive:
     x, y, z = shape.size
-    return Part("cylinder", (_CAP_SHARE * min(x, y) / 2, 0.09 * z), (0, 0, 0.41 * z))
+    return CollisionPrimitive("cylinder", (_CAP_SHARE * min(x, y) / 2, 0.09 * z), (0, 0, 0.41 * z))
 
 
-def _open_box(shape: Shape, rim: float) -> list[Part]:
+def _open_box(shape: Shape, rim: float) -> list[CollisionPrimitive]:
     """A floor, four walls, and, where `rim` sticks out, four strips around the top outside the walls."""
     x, y, z = (s / 2 for s in shape.size)
     wall, floor = shape.wall or 0.0, shape.floor or 0.0
     thick = (wall - rim) / 2
     ox, oy = x - rim, y - rim  # outer half sizes below the rim
-    parts = [Part("box", (ox, oy, floor / 2), (0, 0, -z + floor / 2))]
+    primitives = [CollisionPrimitive("box", (ox, oy, floor / 2), (0, 0, -z + floor / 2))]
     height = (2 * z - floor) / 2
     for s in (-1, 1):
-        parts.append(Part("box", (thick, oy, height), (s * (ox - thick), 0, floor / 2)))
-        parts.append(Part("box", (ox - 2 * thick, thick, height), (0, s * (oy - thick), floor / 2)))
+        primitives.append(CollisionPrimitive("box", (thick, oy, height), (s * (ox - thick), 0, floor / 2)))
+        primitives.append(CollisionPrimitive("box", (ox - 2 * thick, thick, height), (0, s * (oy - thick), floor / 2)))
     if rim:
         for s in (-1, 1):
-            parts.append(Part("box", (rim / 2, y, rim / 2), (s * (x - rim / 2), 0, z - rim / 2)))
-            parts.append(Part("box", (ox, rim / 2, rim / 2), (0, s * (y - rim / 2), z - rim / 2)))
-    return parts
+            primitives.append(CollisionPrimitive("box", (rim / 2, y, rim / 2), (s * (x - rim / 2), 0, z - rim / 2)))
+            primitives.append(CollisionPrimitive("box", (ox, rim / 2, rim / 2), (0, s * (y - rim / 2), z - rim / 2)))
+    return primitives
 
 
-def _dress(root: mjcf.RootElement, shape: Shape, looks: Looks, parts: list[Part]) -> None:
-    """Add what is seen."""
+def _add_visuals(root: mjcf.RootElement, shape: Shape, looks: Looks, primitives: list[CollisionPrimitive]) -> None:
+    """Add the visual geometry."""
     if looks.style == "basket":
         weave = _material(root, "weave", draw_weave(looks), cube=True)
-        _paint(root, parts[:5], material=weave)
-        _paint(root, parts[5:], rgba=_rgba(looks.cap))
+        _add_visual_primitives(root, primitives[:5], material=weave)
+        _add_visual_primitives(root, primitives[5:], rgba=_rgba(looks.cap))
     elif shape.handle is not None:
-        grip = len(parts) - (1 if shape.kind == "pan" else 3)
-        _paint(root, parts[:grip], rgba=_rgba(looks.base))
-        _paint(root, parts[grip:], rgba=_rgba(looks.accent))
+        grip = len(primitives) - (1 if shape.kind == "pan" else 3)
+        _add_visual_primitives(root, primitives[:grip], rgba=_rgba(looks.base))
+        _add_visual_primitives(root, primitives[grip:], rgba=_rgba(looks.accent))
     elif looks.style == "plain":
-        _paint(root, parts, rgba=_rgba(looks.base))
+        _add_visual_primitives(root, primitives, rgba=_rgba(looks.base))
     else:
-        _wrap(root, shape, looks)
+        _add_packaging(root, shape, looks)
         if looks.style == "bottle":
-            _paint(root, [_cap(shape)], rgba=_rgba(looks.cap))
+            _add_visual_primitives(root, [_cap(shape)], rgba=_rgba(looks.cap))
 
 
-def _wrap(root: mjcf.RootElement, shape: Shape, looks: Looks) -> None:
-    form = _FORMS[looks.style]
-    side = draw_side(looks, face_widths(shape.size, form.exponent), shape.size[2])
+def _add_packaging(root: mjcf.RootElement, shape: Shape, looks: Looks) -> None:
+    silhouette = _SILHOUETTES[looks.style]
+    side = draw_side(looks, face_widths(shape.size, silhouette.exponent), shape.size[2])
     lid = _material(root, "lid", draw_top(looks, shape.size[:2]))
-    _mesh(root, "side", loft_side(shape.size, form.seen, form.exponent), _material(root, "side", side))
-    _mesh(root, "top", loft_cap(shape.size, form.seen[-1], form.exponent, up=True), lid)
-    _mesh(root, "bottom", loft_cap(shape.size, form.seen[0], form.exponent, up=False), lid)
+    _mesh(root, "side", loft_side(shape.size, silhouette.sections, silhouette.exponent), _material(root, "side", side))
+    _mesh(root, "top", loft_cap(shape.size, silhouette.sections[-1], silhouette.exponent, up=True), lid)
+    _mesh(root, "bottom", loft_cap(shape.size, silhouette.sections[0], silhouette.exponent, up=False), lid)
 
 
 def _mesh(root: mjcf.RootElement, name: str, mesh: Mesh, material: Any) -> None:
@@ -147,13 +150,19 @@ def _mesh(root: mjcf.RootElement, name: str, mesh: Mesh, material: Any) -> None:
         "mesh", name=name, inertia="shell", vertex=mesh.vertices.ravel(), face=mesh.faces.ravel(),
         texcoord=mesh.texcoords.ravel(),
     )  # fmt: skip
-    root.worldbody.add("geom", type="mesh", mesh=asset, material=material, **_UNFELT)
+    root.worldbody.add("geom", type="mesh", mesh=asset, material=material, **_VISUAL_ONLY)
 
 
-def _paint(root: mjcf.RootElement, parts: list[Part], **look: Any) -> None:
-    for part in parts:
+def _add_visual_primitives(root: mjcf.RootElement, primitives: list[CollisionPrimitive], **material: Any) -> None:
+    for primitive in primitives:
         root.worldbody.add(
-            "geom", type=part.kind, size=part.size, pos=part.centre, quat=part.quaternion, **look, **_UNFELT
+            "geom",
+            type=primitive.kind,
+            size=primitive.size,
+            pos=primitive.centre,
+            quat=primitive.quaternion,
+            **material,
+            **_VISUAL_ONLY,
         )
 
 
@@ -171,4 +180,4 @@ def _rgba(colour: str) -> tuple[float, float, float, float]:
     return r / 255, g / 255, b / 255, 1.0
 
 
-_UNFELT: dict[str, Any] = {"group": SEEN, "contype": 0, "conaffinity": 0, "mass": 0}
+_VISUAL_ONLY: dict[str, Any] = {"group": VISUAL, "contype": 0, "conaffinity": 0, "mass": 0}

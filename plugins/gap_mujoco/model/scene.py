@@ -25,8 +25,8 @@ _SLAB = 0.03  # half thickness of a table top [m]
 
 
 @dataclass(frozen=True)
-class Eye:
-    """A camera of the world: the name skills use, its name in the model, and its optics."""
+class SceneCamera:
+    """A camera of the cell: the name skills use, its name in the model, and its optics."""
 
     name: str
     element: str
@@ -41,36 +41,36 @@ class Scene:
     model: Any
     robots: tuple[tuple[RobotSpec, RobotPlacement], ...]
     objects: tuple[str, ...]
-    eyes: Mapping[str, Eye]
+    cameras: Mapping[str, SceneCamera]
 
 
 def compose(task: Task, scene: str, robots: Mapping[str, RobotSpec]) -> Scene:
     """Build the cell of `task` with the objects of `scene`. Raises `UnknownNameError`, `DocumentError`."""
     placed = tuple((robots[p.model], p) for p in task.robots)
-    eyes = _eyes(task, placed)
-    resolution = (max(e.resolution[0] for e in eyes), max(e.resolution[1] for e in eyes)) if eyes else (64, 64)
+    cameras = _scene_cameras(task, placed)
+    resolution = (max(c.resolution[0] for c in cameras), max(c.resolution[1] for c in cameras)) if cameras else (64, 64)
     root = new_root("cell", resolution, task.environment.lights)
-    _furnish(root, task.environment)
+    _add_environment(root, task.environment)
     for name, camera in task.cameras.items():
         root.worldbody.add("camera", name=name, pos=camera.position, quat=camera.quaternion, fovy=camera.fovy)
     for i, (spec, placement) in enumerate(placed):
-        _stand(root, spec, placement, f"arm{i}")
+        _attach_robot(root, spec, placement, f"arm{i}")
     objects = task.scene_objects(scene)
     for name, model in objects.items():
         root.attach(build_object(name, model)).add("freejoint")
-    return Scene(compile_model(root), placed, tuple(objects), {e.name: e for e in eyes})
+    return Scene(compile_model(root), placed, tuple(objects), {c.name: c for c in cameras})
 
 
-def _eyes(task: Task, placed: tuple[tuple[RobotSpec, RobotPlacement], ...]) -> list[Eye]:
-    eyes = [Eye(name, name, c.fovy, c.resolution) for name, c in task.cameras.items()]
+def _scene_cameras(task: Task, placed: tuple[tuple[RobotSpec, RobotPlacement], ...]) -> list[SceneCamera]:
+    cameras = [SceneCamera(name, name, c.fovy, c.resolution) for name, c in task.cameras.items()]
     for i, (spec, _) in enumerate(placed):
         for camera in spec.cameras:
             name = camera.name if len(placed) == 1 else f"{camera.name}_{i}"
-            eyes.append(Eye(name, f"arm{i}/{camera.name}", camera.fovy, camera.resolution))
-    return eyes
+            cameras.append(SceneCamera(name, f"arm{i}/{camera.name}", camera.fovy, camera.resolution))
+    return cameras
 
 
-def _stand(root: mjcf.RootElement, spec: RobotSpec, placement: RobotPlacement, name: str) -> None:
+def _attach_robot(root: mjcf.RootElement, spec: RobotSpec, placement: RobotPlacement, name: str) -> None:
     """Attach one robot with its cameras; physics options are the world's, not the robot file's."""
     robot = mjcf.from_path(str(spec.model_file))
     robot.model = name
@@ -78,15 +78,15 @@ def _stand(root: mjcf.RootElement, spec: RobotSpec, placement: RobotPlacement, n
         for attribute in section.get_attributes():
             delattr(section, attribute)
     for camera in spec.cameras:
-        _mount(robot, spec, camera)
-    _dress(robot, spec)
+        _attach_camera(robot, spec, camera)
+    _attach_visuals(robot, spec)
     frame = root.attach(robot)
     frame.pos = placement.position
     half = np.radians(placement.yaw_deg) / 2
     frame.quat = (np.cos(half), 0, 0, np.sin(half))
 
 
-def _mount(robot: mjcf.RootElement, spec: RobotSpec, camera: CameraSpec) -> None:
+def _attach_camera(robot: mjcf.RootElement, spec: RobotSpec, camera: CameraSpec) -> None:
     bodies = {b.name: b for b in robot.find_all("body")}
     if camera.mount not in bodies:
         raise UnknownNameError(f"link of {spec.name} to mount camera {camera.name!r} on", camera.mount, bodies)
@@ -97,8 +97,8 @@ def _mount(robot: mjcf.RootElement, spec: RobotSpec, camera: CameraSpec) -> None
     )
 
 
-def _dress(robot: mjcf.RootElement, spec: RobotSpec) -> None:
-    """Meshes for the eye, where a plugin of robots has them."""
+def _attach_visuals(robot: mjcf.RootElement, spec: RobotSpec) -> None:
+    """Visual meshes, where a plugin of robots has them."""
     try:
         from gap_robots.visuals import add_looks
     except ImportError:
@@ -106,8 +106,8 @@ def _dress(robot: mjcf.RootElement, spec: RobotSpec) -> None:
     add_looks(robot, spec)
 
 
-def _furnish(root: mjcf.RootElement, environment: Environment) -> None:
-    """Floor, table tops and three walls. Supports are felt; walls are only seen."""
+def _add_environment(root: mjcf.RootElement, environment: Environment) -> None:
+    """Floor, table tops and three walls. Supports collide; walls are visual only."""
     floor = _material(root, "floor", _tiles((196, 199, 202)), repeat=1 / _TILE)
     top = _material(root, "top", _grain((170, 128, 84)), repeat=1.0)
     ground = root.worldbody.add("geom", type="plane", size=(3, 3, 0.1), material=floor, condim=3, friction=_FRICTION)

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gap_mujoco.model.compiled import TIMESTEP
-from gap_mujoco.model.scene import Eye
+from gap_mujoco.model.scene import SceneCamera
 from gap_mujoco.rendering.camera import OPTICAL
 from gap_mujoco.rendering.stereo import measured_depth, noisy_colour
 from gap_runtime.contracts.sensors import CameraNoise
@@ -28,12 +28,12 @@ from gap_runtime.contracts.types import Array, CameraObservation, DepthImage, Im
 class SensorNoise:
     """The imperfections of one world's cameras. Without any declared, nothing is touched."""
 
-    def __init__(self, task: Task, eyes: Mapping[str, Eye], model: Any) -> None:
+    def __init__(self, task: Task, cameras: Mapping[str, SceneCamera], model: Any) -> None:
         """Raises `DocumentError` when the task gives a model to a camera that the cell does not have."""
-        self._noise: Mapping[str, CameraNoise] = task.sensors.by_camera(eyes, str(task.path / "task.yaml"))
-        self._model, self._eyes, self._seed = model, eyes, 0
+        self._noise: Mapping[str, CameraNoise] = task.sensors.by_camera(cameras, str(task.path / "task.yaml"))
+        self._model, self._cameras, self._seed = model, cameras, 0
         self._light = max((n.light for n in self._noise.values()), default=0.0)
-        self._declared = {name: _mount(model, eyes[name]) for name in self._noise}
+        self._declared = {name: _mount(model, cameras[name]) for name in self._noise}
         self._error: dict[str, Array] = {}
         head = model.vis.headlight
         self._lamps = [(lamp, lamp.copy()) for lamp in (head.ambient, head.diffuse, *model.light_diffuse)]
@@ -43,7 +43,7 @@ class SensorNoise:
         self._seed = seed
         for name, noise in self._noise.items():
             error = self._error[name] = calibration_error(noise, self._rng("calibration", name))
-            _displace(self._model, self._eyes[name], self._declared[name] @ error)
+            _displace(self._model, self._cameras[name], self._declared[name] @ error)
         gains = 1 + self._light * self._rng("light", "").uniform(-1, 1, len(self._lamps) + 1)
         for (lamp, declared), gain in zip(self._lamps, gains[1:], strict=True):
             lamp[:] = declared * gains[0] * gain
@@ -81,17 +81,17 @@ def calibration_error(noise: CameraNoise, rng: np.random.Generator) -> Array:
     return error
 
 
-def _mount(model: Any, eye: Eye) -> Array:
+def _mount(model: Any, camera: SceneCamera) -> Array:
     """T_body_camera (4, 4), optical, of a camera of the model."""
-    camera, rotation = model.camera(eye.element), np.zeros(9)
-    mujoco.mju_quat2Mat(rotation, camera.quat)
+    element, rotation = model.camera(camera.element), np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, element.quat)
     mount = np.eye(4)
-    mount[:3, :3], mount[:3, 3] = rotation.reshape(3, 3) @ OPTICAL, camera.pos
+    mount[:3, :3], mount[:3, 3] = rotation.reshape(3, 3) @ OPTICAL, element.pos
     return mount
 
 
-def _displace(model: Any, eye: Eye, mount: Array) -> None:
+def _displace(model: Any, camera: SceneCamera, mount: Array) -> None:
     """Put a camera of the model at T_body_camera (4, 4), optical."""
-    camera = model.camera(eye.element)
-    camera.pos[:] = mount[:3, 3]
-    mujoco.mju_mat2Quat(camera.quat, (mount[:3, :3] @ OPTICAL).ravel())
+    element = model.camera(camera.element)
+    element.pos[:] = mount[:3, 3]
+    mujoco.mju_mat2Quat(element.quat, (mount[:3, :3] @ OPTICAL).ravel())

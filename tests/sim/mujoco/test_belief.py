@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gap_mujoco.belief import Belief, as_variation
-from gap_mujoco.model.footprint import footprint, gap
+from gap_mujoco.model.footprint import clearance, footprint
 from gap_runtime.contracts.failures import TaskInfeasibleError, UnknownNameError
 from gap_runtime.contracts.task import Distribution, Shape, load_task
 
@@ -126,7 +126,7 @@ def test_yaw_turns_what_is_placed(task, robots):
 
 def test_discs_are_apart_by_centres_less_radii():
     a, b = footprint(CAN, np.array([0.0, 0.0]), 0.0), footprint(CAN, np.array([0.3, 0.4]), 1.0)
-    assert gap(a, b) == pytest.approx(0.5 - 0.06)
+    assert clearance(a, b) == pytest.approx(0.5 - 0.06)
 
 
 def test_gap_is_symmetric_moves_along_and_agrees_with_opencv():
@@ -135,13 +135,13 @@ def test_gap_is_symmetric_moves_along_and_agrees_with_opencv():
         xy, yaw = random.uniform(-0.1, 0.1, (2, 2)), random.uniform(-np.pi, np.pi, 2)
         a, b = footprint(BOX, xy[0], yaw[0]), footprint(BOX, xy[1], yaw[1])
         shift = np.array([0.3, -0.2])
-        assert gap(a, b) == pytest.approx(gap(b, a))
-        assert gap(a, b) == pytest.approx(gap(*(footprint(BOX, xy[i] + shift, yaw[i]) for i in (0, 1))))
+        assert clearance(a, b) == pytest.approx(clearance(b, a))
+        assert clearance(a, b) == pytest.approx(clearance(*(footprint(BOX, xy[i] + shift, yaw[i]) for i in (0, 1))))
         rectangles = [((1e3 * xy[i]).tolist(), (80.0, 40.0), float(np.degrees(yaw[i]))) for i in (0, 1)]
         apart = cv2.rotatedRectangleIntersection(*rectangles)[0] == cv2.INTERSECT_NONE
-        if abs(gap(a, b)) > 1e-5:
-            assert (gap(a, b) > 0) == apart
+        if abs(clearance(a, b)) > 1e-5:
+            assert (clearance(a, b) > 0) == apart
 
 
 def test_a_disc_inside_a_box_overlaps_it():
-    assert gap(footprint(CAN, np.zeros(2), 0.0), footprint(BOX, np.array([0.01, 0.0]), 0.5)) < 0
+    assert clearance(footprint(CAN, np.zeros(2), 0.0), footprint(BOX, np.array([0.01, 0.0]), 0.5)) < 0

@@ -1,4 +1,4 @@
-"""Object models: what is felt fills the stated size, what is seen agrees with it, and no two look alike."""
+"""Object models: collision geometry fills the stated size, visual geometry agrees with it, and no two look alike."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from gap_mujoco.model.compiled import compile_model, new_root
 from gap_mujoco.model.models import build_object, cavity, render_views
-from gap_mujoco.model.props import FELT, SEEN
+from gap_mujoco.model.props import COLLISION, VISUAL
 from gap_runtime.contracts.failures import DocumentError
 from gap_runtime.contracts.task import ObjectModel, Shape
 
@@ -51,7 +51,7 @@ def compile_free(name, model):
 def test_felt_and_seen_fill_the_stated_size(built):
     model, compiled = built
     half = np.array(model.shape.size) / 2
-    for group, tolerance in ((FELT, 1e-9), (SEEN, 0.02 * half.max())):
+    for group, tolerance in ((COLLISION, 1e-9), (VISUAL, 0.02 * half.max())):
         low, high = extents(compiled, group)
         assert np.allclose(low, -half, atol=tolerance) and np.allclose(high, half, atol=tolerance)
 
@@ -70,7 +70,7 @@ def test_the_mass_is_the_stated_one_and_only_primitives_touch(built):
 def test_the_baskets_cavity_is_free_and_walled_in(task):
     centre, half = cavity(task.objects["basket"].shape)
     model = compile_free("basket", task.objects["basket"])
-    for g in np.flatnonzero(model.geom_group == FELT):
+    for g in np.flatnonzero(model.geom_group == COLLISION):
         apart = np.abs(model.geom_pos[g] - centre) - half - model.geom_size[g]
         assert apart.max() > -1e-9, "no wall reaches into the cavity"
     assert np.allclose(half[:2], 0.063)

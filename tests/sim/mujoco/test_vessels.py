@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from gap_mujoco.model.compiled import compile_model, new_root
-from gap_mujoco.model.models import build_object, cavity, collision_parts, render_views
-from gap_mujoco.model.parts import Part
-from gap_mujoco.model.props import FELT
+from gap_mujoco.model.models import build_object, cavity, collision_primitives, render_views
+from gap_mujoco.model.primitives import CollisionPrimitive
+from gap_mujoco.model.props import COLLISION
 from gap_runtime.contracts.failures import DocumentError
 from gap_runtime.contracts.task import ObjectModel, Shape
 
@@ -25,7 +25,7 @@ def model(request):
     return ObjectModel(label=request.param, shape=SHAPES[request.param], mass=0.2)
 
 
-def corners(part: Part):
+def corners(part: CollisionPrimitive):
     half = np.array([part.size[0], part.size[0], part.size[1]] if part.kind == "cylinder" else part.size)
     signs = np.stack(np.meshgrid(*[[-1, 1]] * 3), -1).reshape(-1, 3)
     c, s = np.cos(part.yaw), np.sin(part.yaw)
@@ -39,7 +39,7 @@ def compiled(model):
 
 
 def test_it_fills_the_stated_size(model):
-    points = np.concatenate([corners(p) for p in collision_parts(model.shape, None)])
+    points = np.concatenate([corners(p) for p in collision_primitives(model.shape, None)])
     half = np.array(model.shape.size) / 2
     np.testing.assert_allclose(points.max(axis=0), half, atol=1e-3)
     np.testing.assert_allclose(points.min(axis=0), -half, atol=1e-3)
@@ -49,7 +49,7 @@ def test_its_cavity_is_free_and_its_mass_the_stated_one(model):
     centre, half = cavity(model.shape)
     rng = np.random.default_rng(0)
     inside = centre + rng.uniform(-1, 1, (500, 3)) * half * 0.99
-    for part in collision_parts(model.shape, None):
+    for part in collision_primitives(model.shape, None):
         c, s = np.cos(part.yaw), np.sin(part.yaw)
         local = (inside - part.centre) @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
         if part.kind == "box":
@@ -61,11 +61,11 @@ def test_its_cavity_is_free_and_its_mass_the_stated_one(model):
     assert compiled(model).body_mass.sum() == pytest.approx(model.mass)
 
 
-def test_cameras_see_what_is_felt(model):
+def test_visual_and_collision_geometry_are_the_same(model):
     built = compiled(model)
     seen = mujoco.mj_id2name(built, mujoco.mjtObj.mjOBJ_BODY, 1)
     assert seen.startswith("thing")
-    assert (built.geom_group == FELT).sum() * 2 == built.ngeom
+    assert (built.geom_group == COLLISION).sum() * 2 == built.ngeom
     assert render_views({"thing": model}, yaws_deg=(0,), elevations_deg=(40,))[0].mask.data.any()
 
 

@@ -1,4 +1,4 @@
-"""The primitives an object is felt as."""
+"""The primitives that an object's collision geometry is made of."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 
-class Part(NamedTuple):
+class CollisionPrimitive(NamedTuple):
     """One collision primitive: MuJoCo type, its size parameters [m], its centre in the object's frame [m], and how far
     it is turned about the object's z axis [rad]."""
 
