@@ -20,7 +20,7 @@ from gap_runtime.graph.scripts import COMPUTED, ScriptSpec, read_signature
 
 
 @dataclass(frozen=True)
-class Callee:
+class Signature:
     """What a node calls, be it a tool, an atomic skill or a script.
 
     `tools` are the tools it may call in its turn (itself, for a tool): what it can hold, and whether it is privileged,
@@ -60,7 +60,7 @@ class Catalog:
         """The contract of a skill; the paper's underscore spelling resolves."""
         return self._skills.get(name.replace("_", "-"))
 
-    def callee(self, node: Node, contract: SkillContract | None) -> Callee | None:
+    def callee(self, node: Node, contract: SkillContract | None) -> Signature | None:
         """What a node calls; None for a noop, or where it does not exist."""
         if node.type == "tool" and node.tool is not None:
             return self._tool(node.tool)
@@ -78,15 +78,15 @@ class Catalog:
         return {name.replace("_", "-"): contract for name, contract in self.skills.items()}
 
     @cached_property
-    def _callees(self) -> dict[Any, Callee]:
+    def _callees(self) -> dict[Any, Signature]:
         return {}
 
-    def _tool(self, name: str) -> Callee | None:
+    def _tool(self, name: str) -> Signature | None:
         if name not in self._callees:
             spec, skill = self.tools.get(name), self.skill(name)
             if spec is not None:
                 inputs = {p.name: p for p in spec.inputs}
-                found = Callee(f"tool {name}", inputs, spec.output, spec.fields, spec.streaming, (spec,))
+                found = Signature(f"tool {name}", inputs, spec.output, spec.fields, spec.streaming, (spec,))
             elif skill is not None and skill.kind == "atomic":
                 found = self._atomic(name, skill)
             else:
@@ -94,15 +94,15 @@ class Catalog:
             self._callees[name] = found
         return self._callees[name]
 
-    def _atomic(self, name: str, skill: SkillContract) -> Callee:
+    def _atomic(self, name: str, skill: SkillContract) -> Signature:
         """An atomic skill: its inputs and literals are required, its parameters have defaults."""
         given = {**skill.inputs, **skill.literals}
         inputs = {n: Param(n, parse_type(t)) for n, t in given.items()}
         inputs |= {n: Param(n, parse_type(p.type), p.default) for n, p in skill.parameters.items()}
         fields = {n.replace(f"{NAME_SLOT}_", ""): parse_type(t) for n, t in skill.outputs.items()}
-        return Callee(f"skill {name}", inputs, None, fields, skill.streaming, self._known(skill.tools))
+        return Signature(f"skill {name}", inputs, None, fields, skill.streaming, self._known(skill.tools))
 
-    def _script(self, path: str, contract: SkillContract | None) -> Callee | None:
+    def _script(self, path: str, contract: SkillContract | None) -> Signature | None:
         spec = self.scripts.get(path)
         if spec is None:
             return None
@@ -111,7 +111,7 @@ class Catalog:
         if key not in self._callees:
             names = sorted({*allowed, *spec.tools}) if spec.any_tool else sorted(spec.tools)
             inputs = {p.name: p for p in spec.inputs}
-            self._callees[key] = Callee(
+            self._callees[key] = Signature(
                 f"script {path}", inputs, spec.output, spec.fields, spec.publishes, self._known(names), spec.choices,
                 spec.words,
             )  # fmt: skip
@@ -173,4 +173,4 @@ def inside(folder: Path, path: str) -> Path:
     return folder / path
 
 
-__all__ = ["COMPUTED", "Callee", "Catalog", "inside", "read_catalog"]
+__all__ = ["COMPUTED", "Catalog", "Signature", "inside", "read_catalog"]

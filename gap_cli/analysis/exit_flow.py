@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import cached_property
 
-from gap_runtime.graph.concurrency import Beside, bits
-from gap_runtime.graph.control_flow import Flow
+from gap_cli.analysis.concurrency import MayHappenInParallel
+from gap_cli.analysis.must_execute import MustExecute, bits
+from gap_runtime.graph.control_flow import ControlFlowGraph
 from gap_runtime.graph.model import START, Routing, SubgraphDef, Workflow
 
 Exit = tuple[str, str]  # the subgraph node, and the value it ended with
 
 
-class Ways:
+class ExitFlowGraph:
     """A flow in which every exit of a subgraph is a node of its own, between the subgraph and what it leads to.
 
     The semantics are the interpreter's: an exit leads where the conditional edges say, and a success exit also along
@@ -36,7 +37,7 @@ class Ways:
             if kept:
                 routing[node] = Routing(router_field="exit", mapping=kept)
         names = [n for n in workflow.nodes if n not in failures]
-        self.flow = Flow([*names, *self.exits], edges, routing)
+        self.flow = ControlFlowGraph([*names, *self.exits], edges, routing)
 
     def _targets(self, node: str, definition: SubgraphDef) -> dict[str, list[str]]:
         """Where each exit leads."""
@@ -49,9 +50,14 @@ class Ways:
         return found
 
     @cached_property
-    def beside(self) -> Beside:
+    def must(self) -> MustExecute:
+        """What has surely run."""
+        return MustExecute(self.flow)
+
+    @cached_property
+    def parallel(self) -> MayHappenInParallel:
         """What can run at the same time."""
-        return Beside(self.flow)
+        return MayHappenInParallel(self.flow)
 
     @cached_property
     def forks(self) -> bool:
@@ -66,9 +72,9 @@ class Ways:
 
     def both_taken(self, one: str, other: str) -> bool:
         """True when two exits (by the names of their nodes) can be taken in the same pass."""
-        flow, together = self.flow, self.beside.together
+        flow, same_pass = self.flow, self.parallel.same_pass
         arrivals = [flow.into[flow.index[name]][0] for name in (one, other)]
-        return bool(together[arrivals[0]] >> arrivals[1] & 1)
+        return bool(same_pass[arrivals[0]] >> arrivals[1] & 1)
 
     def several_ends(self) -> Iterator[tuple[str, str]]:
         """Pairs of success ends that one run can reach."""
@@ -77,7 +83,7 @@ class Ways:
         masks = {n: sum(1 << number for number in flow.into[flow.index[n]]) for n in ends}
         for i, one in enumerate(ends):
             for other in ends[i + 1 :]:
-                if any(self.beside.together[number] & masks[other] for number in bits(masks[one])):
+                if any(self.parallel.same_pass[number] & masks[other] for number in bits(masks[one])):
                     yield one, other
 
 

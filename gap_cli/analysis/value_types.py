@@ -7,7 +7,7 @@ from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import lru_cache
 from typing import Any
 
-from gap_cli.analysis.catalog import Callee
+from gap_cli.analysis.catalog import Signature
 from gap_runtime.contracts import tool
 from gap_runtime.contracts.encoding.codec import from_plain
 from gap_runtime.contracts.failures import BadRequestError, did_you_mean
@@ -21,7 +21,7 @@ ANY = TypeRef("any")
 
 
 @dataclass(frozen=True)
-class Shape:
+class StaticType:
     """What a value is: one of a contract type, or (`type` None) a bundle of named results that must be walked into.
 
     `choices` are the words it may be, where known; `unit` its unit, where its name or its parameter says so.
@@ -46,14 +46,14 @@ class NoSuchFieldError(Exception):
         self.message, self.hint = message, hint
 
 
-def output_shape(callee: Callee) -> Shape | None:
+def output_type(callee: Signature) -> StaticType | None:
     """What a node that calls this gives; None where it gives nothing."""
     if callee.output is not None:
-        return Shape(callee.output, choices=callee.choices)
-    return Shape(None, callee.fields, callee.choices) if callee.fields else None
+        return StaticType(callee.output, choices=callee.choices)
+    return StaticType(None, callee.fields, callee.choices) if callee.fields else None
 
 
-def walk_shape(shape: Shape, path: tuple[str, ...], what: str) -> Shape:
+def walk_type(shape: StaticType, path: tuple[str, ...], what: str) -> StaticType:
     """The shape found by following `path`. Raises `NoSuchFieldError`."""
     for name in path:
         shape = _step(shape, name, what)
@@ -61,32 +61,32 @@ def walk_shape(shape: Shape, path: tuple[str, ...], what: str) -> Shape:
     return shape
 
 
-def _step(shape: Shape, name: str, what: str) -> Shape:
+def _step(shape: StaticType, name: str, what: str) -> StaticType:
     unit = unit_of(name)
     if shape.type is None:
         if name not in shape.fields:
             raise NoSuchFieldError(f"{what} has no {name!r}", did_you_mean(name, shape.fields))
         words = shape.choices.get(name)
-        return Shape(shape.fields[name], choices={"": words} if words else {}, unit=unit)
+        return StaticType(shape.fields[name], choices={"": words} if words else {}, unit=unit)
     kind = shape.type
     if kind.is_list:
         if not name.isdigit():
             raise NoSuchFieldError(f"{what} is a list of {kind.name}", f"Pick one: {what}.0")
-        return Shape(replace(kind, is_list=False))
+        return StaticType(replace(kind, is_list=False))
     if kind.name == "any":
-        return Shape(ANY, unit=unit)
+        return StaticType(ANY, unit=unit)
     known = field_types(kind)
     if name not in known:
         hint = did_you_mean(name, known) if known else f"It is a {kind}; refer to {what} itself."
         raise NoSuchFieldError(f"{what} is a {kind} and has no {name!r}", hint)
     found = known[name]
-    return Shape(replace(found, optional=found.optional or kind.optional), unit=unit)
+    return StaticType(replace(found, optional=found.optional or kind.optional), unit=unit)
 
 
-def parameter_shape(parameter: Parameter) -> Shape:
+def parameter_type(parameter: Parameter) -> StaticType:
     """What `param.<name>` is."""
     words = {"": tuple(parameter.choices)} if parameter.choices else {}
-    return Shape(TypeRef(parameter.type), choices=words, unit=parameter.unit)
+    return StaticType(TypeRef(parameter.type), choices=words, unit=parameter.unit)
 
 
 _UNITS = {"m": "m", "mm": "mm", "cm": "cm", "s": "s", "ms": "ms", "deg": "deg", "rad": "rad", "hz": "Hz", "kg": "kg"}
@@ -110,7 +110,7 @@ def has_ref(value: Any) -> bool:
 
 
 @dataclass(frozen=True)
-class Place:
+class InputSlot:
     """One piece of data in an input: where it is, what must be there, and the data: a reference or a literal.
 
     `problem` says what is wrong with a mapping or list around it, which then has no value of its own.
@@ -123,22 +123,22 @@ class Place:
     problem: str = ""
 
 
-def places(value: Any, type_: TypeRef, path: str, unit: str = "") -> Iterator[Place]:
+def input_slots(value: Any, type_: TypeRef, path: str, unit: str = "") -> Iterator[InputSlot]:
     """Split data into references and literals, each with the type its place asks for."""
     if is_ref(value) or not has_ref(value):
-        yield Place(path, type_, value, unit)
+        yield InputSlot(path, type_, value, unit)
     elif isinstance(value, list):
         item = replace(type_, is_list=False, optional=False) if type_.is_list else ANY
         if not type_.is_list and type_.name != "any":
-            yield Place(path, type_, value, problem="is a list")
+            yield InputSlot(path, type_, value, problem="is a list")
         for i, part in enumerate(value):
-            yield from places(part, item, f"{path}.{i}")
+            yield from input_slots(part, item, f"{path}.{i}")
     else:
         known = {} if type_.is_list else field_types(type_)
         if type_.name != "any":
-            yield from (Place(path, type_, value, problem=p) for p in _misfits(value, type_, known))
+            yield from (InputSlot(path, type_, value, problem=p) for p in _misfits(value, type_, known))
         for name, part in value.items():
-            yield from places(part, known.get(name, ANY), f"{path}.{name}", unit_of(name))
+            yield from input_slots(part, known.get(name, ANY), f"{path}.{name}", unit_of(name))
 
 
 def _misfits(value: Mapping[str, Any], type_: TypeRef, known: Mapping[str, TypeRef]) -> Iterator[str]:

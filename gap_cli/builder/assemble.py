@@ -14,7 +14,7 @@ from gap_runtime.graph.model import SubgraphDef, Workflow
 DISAGREE = "W4"
 
 
-class Declaration(Document):
+class DeclaredSubgraph(Document):
     """What `declare_subgraph` says of one subgraph."""
 
     skill: str
@@ -28,7 +28,7 @@ class Declaration(Document):
     parameters: dict[str, Any] = {}
 
 
-class Topology(Document):
+class DeclaredWorkflow(Document):
     """What `WorkflowSpec` says: the top level of a workflow, with declarations for definitions."""
 
     version: int
@@ -36,10 +36,10 @@ class Topology(Document):
     nodes: Any
     edges: Any = []
     conditional_edges: Any = {}
-    subgraphs: dict[str, Declaration]
+    subgraphs: dict[str, DeclaredSubgraph]
 
 
-class Built(Document):
+class BuilderOutput(Document):
     """What `to_dict()` of either builder gives; `def` is read on its own."""
 
     kind: str
@@ -55,7 +55,7 @@ def assemble(spec: Mapping[str, Any], subgraphs: Mapping[str, Mapping[str, Any]]
     than declared; `DocumentError` where a part is not what a builder gives. The meaning of the whole is still the
     validator's to check.
     """
-    topology = Topology.load(_definition(spec, "spec"), "spec")
+    topology = DeclaredWorkflow.load(_definition(spec, "spec"), "spec")
     written = {
         name: SubgraphDef.load(_definition(subgraphs[name], name), f"subgraph {name}")
         for name in topology.subgraphs
@@ -82,11 +82,11 @@ def _definition(data: Any, where: str) -> Any:
     """The `def` of what a builder gives. Raises `DocumentError`."""
     check_values(data, where)
     rest = {k: v for k, v in data.items() if k != "def"} if isinstance(data, Mapping) else data
-    Built.load(rest, where)
+    BuilderOutput.load(rest, where)
     return data.get("def")
 
 
-def _joined(declared: Declaration, written: Mapping[str, Any]) -> dict[str, Any]:
+def _joined(declared: DeclaredSubgraph, written: Mapping[str, Any]) -> dict[str, Any]:
     return {
         **written,
         "description": declared.description or written.get("description", ""),
@@ -98,7 +98,7 @@ def _joined(declared: Declaration, written: Mapping[str, Any]) -> dict[str, Any]
     }
 
 
-def _disagreements(name: str, declared: Declaration, written: SubgraphDef | None) -> Iterator[Finding]:
+def _disagreements(name: str, declared: DeclaredSubgraph, written: SubgraphDef | None) -> Iterator[Finding]:
     path = f"subgraphs.{name}"
     if written is None:
         yield Finding(path, DISAGREE, "is declared and was not written", "Write its subgraph, or drop the declaration.")

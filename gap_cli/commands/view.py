@@ -27,7 +27,7 @@ def view(
     with opened.held():
         files = shown.write()
     if json:
-        status = None if shown.story is None else shown.story.status
+        status = None if shown.timeline is None else shown.timeline.status
         print_json({"run": opened.name, "page": str(files[0]), "mermaid": str(files[1]), "last_run": status})
         return
     console().print(shown.tree())

@@ -21,7 +21,7 @@ _ARROW = (
 
 
 @dataclass(frozen=True)
-class Part:
+class SubgraphDrawing:
     """A subgraph's inside, drawn from (0, 0), and its size [px]."""
 
     svg: str
@@ -50,14 +50,14 @@ def drawing(workflow: Workflow) -> str:
     )
 
 
-def _inside(path: str, definition: SubgraphDef) -> Part:
+def _inside(path: str, definition: SubgraphDef) -> SubgraphDrawing:
     links, labels = _links(definition.edges, definition.conditional_edges)
     ends = {END: DOT} if any(END in link for link in links) else {}
     sizes = {START: DOT} | {name: _size(name, node) for name, node in definition.nodes.items()} | ends
     placed = lay_out(sizes, links)
     nodes = [_node(f"{path}/{name}", name, node, placed.boxes[name]) for name, node in definition.nodes.items()]
     dots = [_dot(placed.boxes[name]) for name in (START, *ends)]
-    return Part("".join(nodes) + "".join(dots) + _paths(placed, labels), placed.width, placed.height)
+    return SubgraphDrawing("".join(nodes) + "".join(dots) + _paths(placed, labels), placed.width, placed.height)
 
 
 def _links(edges: Sequence[tuple[str, str]], routing: Mapping[str, Routing]) -> tuple[list[Link], dict[Link, str]]:
@@ -74,14 +74,14 @@ def _size(name: str, node: Node) -> tuple[float, float]:
     return max(CHAR * len(name), SMALL * len(what(node))) + 24, TALL
 
 
-def _top_size(name: str, node: Node, parts: Mapping[str, Part]) -> tuple[float, float]:
+def _top_size(name: str, node: Node, parts: Mapping[str, SubgraphDrawing]) -> tuple[float, float]:
     if name not in parts:
         return max(80.0, CHAR * len(name) + 28), 34.0
     part = parts[name]
     return max(part.width, CHAR * (len(name) + 6) + 60) + 2 * PAD, part.height + HEAD + PAD
 
 
-def _top(name: str, node: Node, box: Placed, parts: Mapping[str, Part], workflow: Workflow) -> str:
+def _top(name: str, node: Node, box: Placed, parts: Mapping[str, SubgraphDrawing], workflow: Workflow) -> str:
     if name not in parts:
         css = f"end {node.status or ''}"
         return _group(name, css, _rect(box, 17) + _text("name", box, name, box.height / 2 + 4.5))

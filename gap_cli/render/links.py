@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import permutations
 
-from gap_cli.analysis.exit_flow import Ways
+from gap_cli.analysis.exit_flow import ExitFlowGraph
 from gap_runtime.graph.model import Workflow
 
 Link = tuple[str, str]
@@ -26,10 +26,10 @@ def top_links(workflow: Workflow) -> dict[Link, list[str]]:
 
 def side_by_side(workflow: Workflow) -> dict[str, list[str]]:
     """For each subgraph node those that may run at the same time, where there are any."""
-    ways = Ways(workflow)
-    nodes = [n for n, node in workflow.nodes.items() if node.type == "subgraph"] if ways.forks else []
+    exit_flow = ExitFlowGraph(workflow)
+    nodes = [n for n, node in workflow.nodes.items() if node.type == "subgraph"] if exit_flow.forks else []
     found: dict[str, list[str]] = {}
     for one, other in permutations(nodes, 2):
-        if ways.beside.may_overlap(one, other):
+        if exit_flow.parallel.may_overlap(one, other):
             found.setdefault(one, []).append(other)
     return found

@@ -11,7 +11,7 @@ from typing import Any
 
 from gap_cli.render.drawing import drawing
 from gap_cli.render.mermaid import mermaid
-from gap_cli.render.timeline import Story
+from gap_cli.render.timeline import RunTimeline
 from gap_runtime.graph.model import Node, Workflow
 
 MEDIA = {".webm": "video/webm", ".mp4": "video/mp4"}
@@ -20,7 +20,7 @@ MEDIA = {".webm": "video/webm", ".mp4": "video/mp4"}
 def page(
     workflow: Workflow,
     sources: Mapping[str, str],
-    story: Story | None = None,
+    timeline: RunTimeline | None = None,
     *,
     title: str = "",
     video: Path | None = None,
@@ -37,7 +37,7 @@ def page(
         "nodes": _nodes(workflow),
         "subgraphs": _subgraphs(workflow),
         "sources": dict(sources),
-        "story": None if story is None else asdict(story),
+        "timeline": None if timeline is None else asdict(timeline),
         "videoStart": video_start,
         "mermaid": mermaid(workflow),
     }
@@ -46,7 +46,7 @@ def page(
         description=workflow.meta.get("description", ""),
         svg=drawing(workflow),
         data=embedded(data),
-        story=story,
+        timeline=timeline,
         video="" if video is None else _data_uri(video),
     )
 

@@ -32,7 +32,7 @@ class Visit:
 
 
 @dataclass
-class Story:
+class RunTimeline:
     """A run as its trace tells it. `clock` pairs seconds since the start with world time, in order."""
 
     visits: list[Visit] = field(default_factory=list)
@@ -51,43 +51,53 @@ class Story:
         return {visit.path: visit for visit in self.visits}
 
 
-def read_story(rows: Iterable[Mapping[str, Any]]) -> Story:
+def read_timeline(rows: Iterable[Mapping[str, Any]]) -> RunTimeline:
     """From the rows of a trace (see `trace.Tracer`)."""
-    story = Story()
+    timeline = RunTimeline()
     open_: dict[Any, Visit] = {}
     for row in rows:
         if "kind" not in row:
             continue
         t, world, data = float(row["t"]), row.get("world_time"), row.get("data", {})
-        story.duration = max(story.duration, t)
+        timeline.duration = max(timeline.duration, t)
         if world is not None:
-            story.clock.append((t, float(world)))
-        _read(story, open_, row["kind"], row["path"], t, world, data)
-    return story
+            timeline.clock.append((t, float(world)))
+        _read(timeline, open_, row["kind"], row["path"], t, world, data)
+    return timeline
 
 
 def _read(
-    story: Story, open_: dict[Any, Visit], kind: str, path: str, t: float, world: float | None, data: Mapping[str, Any]
+    timeline: RunTimeline,
+    open_: dict[Any, Visit],
+    kind: str,
+    path: str,
+    t: float,
+    world: float | None,
+    data: Mapping[str, Any],
 ) -> None:
     match kind:
         case "run_started":
-            story.seed = data.get("seed")
+            timeline.seed = data.get("seed")
         case "run_finished":
-            story.status, story.end, story.error = data.get("status", ""), data.get("end", ""), data.get("error", "")
+            timeline.status, timeline.end, timeline.error = (
+                data.get("status", ""),
+                data.get("end", ""),
+                data.get("error", ""),
+            )
         case "subgraph_entered":
-            story.passes.append({"name": path, "start": t, "end": None, "exit": ""})
+            timeline.passes.append({"name": path, "start": t, "end": None, "exit": ""})
         case "subgraph_exited":
-            story.exits.setdefault(path, []).append(data.get("exit", ""))
-            for entry in reversed(story.passes):
+            timeline.exits.setdefault(path, []).append(data.get("exit", ""))
+            for entry in reversed(timeline.passes):
                 if entry["name"] == path and entry["end"] is None:
                     entry |= {"end": t, "exit": data.get("exit", "")}
                     break
         case "node_started":
             visit = Visit(path, data.get("callee", ""), t, world)
             open_[data.get("attempt")] = visit
-            story.visits.append(visit)
+            timeline.visits.append(visit)
         case "tool_called" | "tool_returned":
-            visit = next(v for v in reversed(story.visits) if v.path == path)
+            visit = next(v for v in reversed(timeline.visits) if v.path == path)
             calls = visit.data.setdefault("calls", [])
             if kind == "tool_called":
                 calls.append(dict(data))

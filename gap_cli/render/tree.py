@@ -8,26 +8,25 @@ from rich.markup import escape
 from rich.tree import Tree
 
 from gap_cli.render.links import side_by_side, top_links
-from gap_cli.render.timeline import Story, Visit
+from gap_cli.render.timeline import RunTimeline, Visit
 from gap_runtime.graph.model import END, START, Node, SubgraphDef, Workflow
 
 MARKS = {"finished": "[green]✓[/]", "failed": "[red]✗[/]", "cancelled": "[yellow]–[/]", "running": "[blue]…[/]"}
 
 
-def tree(workflow: Workflow, story: Story | None = None) -> Tree:
+def tree(workflow: Workflow, timeline: RunTimeline | None = None) -> Tree:
     """Subgraphs in the order control reaches them, their nodes below, exits and where they lead at the end."""
     root = Tree(f"[bold]{escape(workflow.meta.get('name', 'workflow'))}[/]")
-    visits = {} if story is None else story.latest
+    visits = {} if timeline is None else timeline.latest
     beside, exits_of = side_by_side(workflow), _exits(workflow)
     for name in reading_order(list(workflow.nodes), _links(workflow.edges, workflow.conditional_edges)):
         node = workflow.nodes[name]
         definition = workflow.subgraphs.get(node.ref or "")
         if definition is None:
-            root.add(
-                f"{_mark(story is not None and story.end == name)}[bold]{escape(name)}[/] [dim]end, {node.status}[/]"
-            )
+            mark = _mark(timeline is not None and timeline.end == name)
+            root.add(f"{mark}[bold]{escape(name)}[/] [dim]end, {node.status}[/]")
             continue
-        exits = story.exits.get(name, []) if story else []
+        exits = timeline.exits.get(name, []) if timeline else []
         took = f" [bold]-> {escape(', '.join(exits))}[/]" if exits else ""
         others = f", beside {escape(', '.join(beside[name]))}" if name in beside else ""
         branch = root.add(f"[bold cyan]{escape(name)}[/] [dim]{escape(definition.skill)}{others}[/]{took}")

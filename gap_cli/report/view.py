@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from gap_cli.render.mermaid import mermaid
 from gap_cli.render.page import page
-from gap_cli.render.timeline import Story, read_story
+from gap_cli.render.timeline import RunTimeline, read_timeline
 from gap_cli.render.trace import STAGE, TRACE
 from gap_cli.workspace.canonical import write_text
 from gap_cli.workspace.run import Run
@@ -32,7 +32,7 @@ class View:
     run: Run
     workflow: Workflow
     sources: dict[str, str]
-    story: Story | None
+    timeline: RunTimeline | None
     film: tuple[Path, float] | None
 
     @property
@@ -44,13 +44,13 @@ class View:
         """As a tree for the terminal."""
         from gap_cli.render.tree import tree
 
-        return tree(self.workflow, self.story)
+        return tree(self.workflow, self.timeline)
 
     def write(self) -> list[Path]:
         """Write view.html and graph.mmd beside the run. Raises `StorageError`."""
         video, began = self.film or (None, 0.0)
         title = f"{self.run.name}: {self.run.asked.instruction}"
-        html = page(self.workflow, self.sources, self.story, title=title, video=video, video_start=began)
+        html = page(self.workflow, self.sources, self.timeline, title=title, video=video, video_start=began)
         files = {self.run.path / PAGE: html, self.run.path / MERMAID: self.mermaid}
         for file, text in files.items():
             write_text(file, text)
@@ -64,7 +64,7 @@ def read_view(run: Run) -> View:
     rows = _rows(run.folder(STAGE) / TRACE)
     film = rows[0].get("film") if rows else None
     return View(
-        run, workflow, _sources(workflow, file.parent), read_story(rows) if rows else None,
+        run, workflow, _sources(workflow, file.parent), read_timeline(rows) if rows else None,
         (run.folder(STAGE) / film["video"], float(film["began"])) if film else None,
     )  # fmt: skip
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from gap_cli.analysis.catalog import Catalog
-from gap_cli.analysis.scope import Whole
+from gap_cli.analysis.context import WorkflowContext
 from gap_cli.validate.rules import checkpoints as promises
 from gap_cli.validate.rules import (
     data,
@@ -38,10 +38,10 @@ def validate(workflow: Workflow, catalog: Catalog, lines: Mapping[str, int] | No
     findings = kinds.w6_size(workflow)
     if findings:
         return findings
-    whole = Whole(workflow, catalog)
-    found = {f for family in _TOP_FAMILIES for rule in family.TOP_RULES for f in rule(whole)}
-    for scope in whole.scopes.values():
-        found.update(f for family in _FAMILIES for rule in family.RULES for f in rule(scope))
+    context = WorkflowContext(workflow, catalog)
+    found = {f for family in _TOP_FAMILIES for rule in family.TOP_RULES for f in rule(context)}
+    for sg in context.subgraphs.values():
+        found.update(f for family in _FAMILIES for rule in family.RULES for f in rule(sg))
     placed = (_with_line(f, lines) for f in found) if lines else found
     return sorted(placed, key=lambda f: (f.path, f.code, f.message))
 

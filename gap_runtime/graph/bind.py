@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from gap_runtime.contracts.failures import BadRequestError, UnknownNameError
 from gap_runtime.graph.compiled import UNSET, Reader
 from gap_runtime.graph.references import STREAM, Reference, is_reference, references, walk
-from gap_runtime.graph.values import isolated
+from gap_runtime.graph.values import copy_containers
 
 if TYPE_CHECKING:
     from gap_runtime.run.activation import Frame
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Scope:
+class ReferenceScope:
     """What the references of one subgraph may name."""
 
     path: str
@@ -32,7 +32,7 @@ def is_constant(data: Any) -> bool:
     return all(r.source == "param" for r in references(data))
 
 
-def constant(data: Any, scope: Scope, where: str) -> Any:
+def constant(data: Any, scope: ReferenceScope, where: str) -> Any:
     """The value of data that `is_constant`."""
     if is_reference(data):
         reference = Reference.parse(data["$ref"])
@@ -46,7 +46,7 @@ def constant(data: Any, scope: Scope, where: str) -> Any:
     return data
 
 
-def make_reader(data: Any, scope: Scope, where: str, *, live: bool = False) -> Reader:
+def make_reader(data: Any, scope: ReferenceScope, where: str, *, live: bool = False) -> Reader:
     """A function of the running frame that gives the value of `data`. Raises `UnknownNameError` at once.
 
     With `live`, `in.observation_stream` gives the stream itself rather than its latest observation.
@@ -62,7 +62,7 @@ def make_reader(data: Any, scope: Scope, where: str, *, live: bool = False) -> R
     return lambda frame, attempt: data
 
 
-def _reference_reader(reference: Reference, scope: Scope, where: str, live: bool) -> Reader:
+def _reference_reader(reference: Reference, scope: ReferenceScope, where: str, live: bool) -> Reader:
     if reference.source == "param":
         value = constant({"$ref": str(reference)}, scope, where)
         return lambda frame, attempt: value
@@ -86,7 +86,7 @@ def _slot(index: int, reference: Reference, where: str) -> Reader:
         value = frame.slots[index]
         if value is UNSET:
             raise BadRequestError("reference", f"{where}: node {reference.name!r} has not run on this path")
-        return isolated(walk(value, fields, where) if fields else value)
+        return copy_containers(walk(value, fields, where) if fields else value)
 
     return read
 
@@ -98,7 +98,7 @@ def _input(reference: Reference, where: str) -> Reader:
         value = frame.inputs.get(name, UNSET)
         if value is UNSET:
             raise BadRequestError("reference", f"{where}: nothing upstream has produced {name!r}")
-        return isolated(walk(value, fields, where) if fields else value)
+        return copy_containers(walk(value, fields, where) if fields else value)
 
     return read
 
@@ -108,7 +108,7 @@ def _stream(index: int, reference: Reference, where: str) -> Reader:
         stream = frame.streams.get(index)
         if stream is None:
             raise BadRequestError("reference", f"{where}: streaming node {reference.name!r} has not been started")
-        return isolated(walk(stream.latest(attempt), reference.fields, where))
+        return copy_containers(walk(stream.latest(attempt), reference.fields, where))
 
     return read
 

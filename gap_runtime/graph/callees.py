@@ -12,14 +12,14 @@ from typing import Any
 from gap_runtime.contracts.failures import DocumentError, GapError, did_you_mean
 from gap_runtime.contracts.skill import SkillContract
 from gap_runtime.contracts.tool import Effect, Param, Tool
-from gap_runtime.graph.compiled import SCRIPT_DEADLINE_S, Callee
+from gap_runtime.graph.compiled import SCRIPT_DEADLINE_S, BoundCallable
 from gap_runtime.graph.scripts import ScriptSpec
-from gap_runtime.graph.values import Check, make_check, make_shape
+from gap_runtime.graph.values import Check, make_check, make_result_check
 
 _RANK: dict[Effect, int] = {"pure": 0, "sense": 1, "actuate": 2}
 
 
-def tool_callee(tool: Tool) -> Callee:
+def tool_callee(tool: Tool) -> BoundCallable:
     """A registered tool."""
     spec, function = tool.spec, tool.function
     invoke: Callable[[Any, dict[str, Any]], Any]
@@ -27,25 +27,31 @@ def tool_callee(tool: Tool) -> Callee:
         invoke = lambda ctx, kwargs: function(ctx, **kwargs)  # noqa: E731
     else:
         invoke = lambda ctx, kwargs: function(**kwargs)  # noqa: E731
-    return Callee(
+    return BoundCallable(
         spec.name, "tool", spec.inputs, _checks(spec.inputs), _required(spec.inputs), spec.output, spec.fields,
-        make_shape(spec.name.replace(".", "_"), spec.output, spec.fields), spec.effect, spec.resources,
+        make_result_check(spec.name.replace(".", "_"), spec.output, spec.fields), spec.effect, spec.resources,
         spec.deadline_s, tool.takes_context, invoke, privileged=spec.privileged, streaming=spec.streaming,
     )  # fmt: skip
 
 
 def script_callee(
-    name: str, spec: ScriptSpec, file: Path, allowed: frozenset[str], tools: Mapping[str, Callee], *, trusted: bool
-) -> Callee:
+    name: str,
+    spec: ScriptSpec,
+    file: Path,
+    allowed: frozenset[str],
+    tools: Mapping[str, BoundCallable],
+    *,
+    trusted: bool,
+) -> BoundCallable:
     """A script: in process where `trusted`, else for the jail. Raises `DocumentError` when it cannot be loaded."""
     run = load_script(file) if trusted else None
 
     def invoke(ctx: Any, kwargs: dict[str, Any]) -> Any:
         return ctx.run_jailed(file, kwargs) if run is None else run(ctx, **kwargs)
 
-    return Callee(
+    return BoundCallable(
         name, "script", spec.inputs, _checks(spec.inputs), _required(spec.inputs), spec.output, spec.fields,
-        make_shape(name, spec.output, spec.fields), _effect(spec, allowed, tools), (), SCRIPT_DEADLINE_S, True,
+        make_result_check(name, spec.output, spec.fields), _effect(spec, allowed, tools), (), SCRIPT_DEADLINE_S, True,
         invoke, allowed=allowed, choices=spec.choices, streaming=spec.publishes, jailed=not trusted,
     )  # fmt: skip
 
@@ -78,13 +84,13 @@ def find_skill(skills: Mapping[str, SkillContract], name: str) -> tuple[str, Ski
     return None
 
 
-def unknown_input(callee: Callee, name: str) -> GapError:
+def unknown_input(callee: BoundCallable, name: str) -> GapError:
     """The error for an input a callee does not have."""
     known = [p.name for p in callee.arguments]
     return DocumentError(callee.name, f"has no input {name!r}", hint=did_you_mean(name, known))
 
 
-def _effect(spec: ScriptSpec, allowed: Iterable[str], tools: Mapping[str, Callee]) -> Effect:
+def _effect(spec: ScriptSpec, allowed: Iterable[str], tools: Mapping[str, BoundCallable]) -> Effect:
     names = allowed if spec.any_tool else spec.tools
     effects = [tools[n].effect for n in names if n in tools]
     return max(effects, key=_RANK.__getitem__, default="pure")

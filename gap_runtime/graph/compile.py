@@ -10,11 +10,11 @@ from gap_runtime.contracts.documents import read_text
 from gap_runtime.contracts.failures import DocumentError, PrivilegedReadError, UnknownNameError
 from gap_runtime.contracts.skill import SkillContract
 from gap_runtime.contracts.tool import Tool
-from gap_runtime.graph.bind import Scope, constant, is_constant, make_reader
+from gap_runtime.graph.bind import ReferenceScope, constant, is_constant, make_reader
 from gap_runtime.graph.callees import find_skill, script_callee, tool_callee, unknown_input
 from gap_runtime.graph.compiled import (
     DEFAULT_VISITS,
-    Callee,
+    BoundCallable,
     CompiledGraph,
     CompiledNode,
     CompiledSubgraph,
@@ -54,7 +54,7 @@ class _Compiler:
         canonical: Mapping[str, Path],
     ) -> None:
         self.workflow, self.folder, self.skills, self.canonical = workflow, folder, skills, canonical
-        self.callees: dict[str, Callee] = {name: tool_callee(tool) for name, tool in tools.items()}
+        self.callees: dict[str, BoundCallable] = {name: tool_callee(tool) for name, tool in tools.items()}
         self.sources: dict[str, str] = {}
         for name, contract in skills.items():
             if contract.kind == "atomic" and name in canonical:
@@ -96,7 +96,13 @@ class _Compiler:
         )  # fmt: skip
 
     def _node(
-        self, definition: SubgraphDef, name: str, index: int, topology: Topology, scope: Scope, allowed: frozenset[str]
+        self,
+        definition: SubgraphDef,
+        name: str,
+        index: int,
+        topology: Topology,
+        scope: ReferenceScope,
+        allowed: frozenset[str],
     ) -> CompiledNode:
         node = definition.nodes[name]
         where = f"{scope.path}/{name}"
@@ -118,7 +124,7 @@ class _Compiler:
         """The contract's tools under the names they are served by."""
         return frozenset(name if name in self.callees else name.replace("_", "-") for name in contract.tools)
 
-    def _callee(self, node: Node, where: str, allowed: frozenset[str]) -> Callee | None:
+    def _callee(self, node: Node, where: str, allowed: frozenset[str]) -> BoundCallable | None:
         if node.type == "tool":
             return self._tool(node.tool or "", where)
         if node.type in ("script", "router"):
@@ -129,7 +135,7 @@ class _Compiler:
             return None
         raise DocumentError(where, f"a node of type {node.type!r} cannot stand here")
 
-    def _tool(self, name: str, where: str) -> Callee:
+    def _tool(self, name: str, where: str) -> BoundCallable:
         callee = self.callees.get(name) or self.callees.get(name.replace("_", "-"))
         if callee is None:
             raise UnknownNameError(f"tool (node {where})", name, self.callees)
@@ -137,7 +143,7 @@ class _Compiler:
             raise PrivilegedReadError(f"Node {where!r} calls {name}, which reads what only the simulator knows.")
         return callee
 
-    def _script(self, name: str, file: Path, allowed: frozenset[str], *, trusted: bool) -> Callee:
+    def _script(self, name: str, file: Path, allowed: frozenset[str], *, trusted: bool) -> BoundCallable:
         text = read_text(file)
         self.sources[name] = text
         return script_callee(name, read_signature(text, str(file)), file, allowed, self.callees, trusted=trusted)
@@ -148,7 +154,7 @@ class _Compiler:
         calls = dict(zip(steps, (Node(type="tool", tool=c.tool, inputs=c.inputs) for c in node.recovery), strict=True))
         definition = SubgraphDef(skill="", nodes=calls, exit=Exit(success_values=[]), on_error="")
         topology = make_topology(steps, list(zip([START, *steps], [*steps, END], strict=True)), {}, name)
-        scope = Scope(name, topology.index, frozenset(), frozenset(), {})
+        scope = ReferenceScope(name, topology.index, frozenset(), frozenset(), {})
         nodes = tuple(self._node(definition, s, i, topology, scope, frozenset()) for i, s in enumerate(topology.names))
         return CompiledSubgraph(
             name, "", nodes, topology.entries, (), (), None, frozenset(), "", streams=False, tolerant=True
@@ -169,14 +175,15 @@ def _step(topology: Topology, index: int, path: str, node: Node) -> dict[str, An
     }
 
 
-def _scope(path: str, definition: SubgraphDef, contract: SkillContract, topology: Topology) -> Scope:
+def _scope(path: str, definition: SubgraphDef, contract: SkillContract, topology: Topology) -> ReferenceScope:
     defaults = {name: parameter.default for name, parameter in contract.parameters.items()}
     streaming = frozenset(name for name, node in definition.nodes.items() if node.streaming)
-    return Scope(path, topology.index, streaming, frozenset(definition.inputs), {**defaults, **definition.parameters})
+    parameters = {**defaults, **definition.parameters}
+    return ReferenceScope(path, topology.index, streaming, frozenset(definition.inputs), parameters)
 
 
 def _inputs(
-    callee: Callee | None, inputs: Mapping[str, Any], scope: Scope, where: str
+    callee: BoundCallable | None, inputs: Mapping[str, Any], scope: ReferenceScope, where: str
 ) -> tuple[dict[str, Any], tuple[tuple[str, Reader, Check], ...]]:
     """Split a node's inputs into those known now, checked, and those read when it starts."""
     constants: dict[str, Any] = {}
@@ -196,7 +203,7 @@ def _inputs(
     return constants, tuple(readers)
 
 
-def _resources(callee: Callee | None, constants: Mapping[str, Any], readers: tuple[Any, ...]) -> tuple[str, ...]:
+def _resources(callee: BoundCallable | None, constants: Mapping[str, Any], readers: tuple[Any, ...]) -> tuple[str, ...]:
     """The resources a node will hold, as far as they can be known before it runs."""
     if callee is None:
         return ()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 from gap_runtime.contracts.tool import Effect, Param
 from gap_runtime.contracts.types.typeref import TypeRef
 from gap_runtime.graph.model import Workflow
-from gap_runtime.graph.values import Check, Shape
+from gap_runtime.graph.values import Check
 
 if TYPE_CHECKING:
     from gap_runtime.run.activation import Frame
@@ -32,7 +32,7 @@ Invoke = Callable[["NodeContext", dict[str, Any]], Any]
 
 
 @dataclass(frozen=True, slots=True)
-class Callee:
+class BoundCallable:
     """A tool or a script with everything needed to call it safely.
 
     `allowed` are the tools it may call itself. `arguments` are its inputs with defaults; `checks` their types.
@@ -46,7 +46,7 @@ class Callee:
     required: frozenset[str]
     output: TypeRef | None
     fields: Mapping[str, TypeRef]
-    shape: Shape
+    check_result: Check
     effect: Effect
     resources: tuple[str, ...]
     deadline_s: float
@@ -69,7 +69,7 @@ class Routes:
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class CompiledStep:
     """What both levels share: a place in a graph, where control goes next, and whom it has to wait for.
 
     `waits_for` is a bit mask of the nodes that can still lead here; `looped` marks a node that can run again.
@@ -87,11 +87,11 @@ class Step:
 
 
 @dataclass(frozen=True, slots=True)
-class CompiledNode(Step):
+class CompiledNode(CompiledStep):
     """A node of a subgraph. `constants` are inputs known now, `readers` those read when it starts."""
 
     kind: Kind
-    callee: Callee | None
+    callee: BoundCallable | None
     constants: Mapping[str, Any]
     readers: tuple[tuple[str, Reader, Check], ...]
     effect: Effect
@@ -118,7 +118,7 @@ class CompiledSubgraph:
 
 
 @dataclass(frozen=True, slots=True)
-class TopNode(Step):
+class TopNode(CompiledStep):
     """A node of the top level: a subgraph, or an end with its status and recovery."""
 
     subgraph: CompiledSubgraph | None
@@ -133,7 +133,7 @@ class CompiledGraph:
     workflow: Workflow
     nodes: tuple[TopNode, ...]
     entries: tuple[int, ...]
-    callees: Mapping[str, Callee]
+    callees: Mapping[str, BoundCallable]
     sources: Mapping[str, str]
     dry: bool = False
 

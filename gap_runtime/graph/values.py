@@ -17,7 +17,6 @@ from gap_runtime.contracts.types import CONTRACT_TYPES, DepthImage, Value
 from gap_runtime.contracts.types.typeref import TypeRef
 
 Check = Callable[[Any, str], Any]
-Shape = Callable[[Any, str], Any]
 
 
 @cache
@@ -28,12 +27,12 @@ def make_check(ref: TypeRef) -> Check:
     def check(value: Any, where: str) -> Any:
         if cls is not None and type(value) is cls:
             return value
-        return sealed(from_plain(value, ref, where=where))
+        return read_only(from_plain(value, ref, where=where))
 
     return check
 
 
-def make_shape(name: str, output: TypeRef | None, named: Mapping[str, TypeRef]) -> Shape:
+def make_result_check(name: str, output: TypeRef | None, named: Mapping[str, TypeRef]) -> Check:
     """A function that checks what a tool or script returned: None, one bare value, or a NamedTuple of its fields."""
     if output is not None:
         return make_check(output)
@@ -43,7 +42,7 @@ def make_shape(name: str, output: TypeRef | None, named: Mapping[str, TypeRef]) 
     optional = {field for field, ref in named.items() if ref.optional or ref.name == "any"}
     record: Any = namedtuple(_identifier(name), list(named))  # type: ignore[misc]
 
-    def shape(value: Any, where: str) -> Any:
+    def check(value: Any, where: str) -> Any:
         given = _fields_of(value, where, tuple(named))
         missing = [f for f in named if f not in given and f not in optional]
         unknown = [f for f in given if f not in named]
@@ -55,29 +54,29 @@ def make_shape(name: str, output: TypeRef | None, named: Mapping[str, TypeRef]) 
             )
         return record(*(checks[f](given.get(f), f"{where}.{f}") for f in named))
 
-    return shape
+    return check
 
 
-def isolated(value: Any) -> Any:
+def copy_containers(value: Any) -> Any:
     """`value` with its own lists and dicts, so that no two readers share one that can change."""
     kind = type(value)
     if kind is list:
-        return [isolated(v) for v in value]
+        return [copy_containers(v) for v in value]
     if kind is dict:
-        return {k: isolated(v) for k, v in value.items()}
+        return {k: copy_containers(v) for k, v in value.items()}
     return value
 
 
-def sealed(value: Any) -> Any:
+def read_only(value: Any) -> Any:
     """`value` with every bare array in it read-only (copied first, so that its maker cannot change it either)."""
     kind = type(value)
     if kind is np.ndarray and value.flags.writeable:
         value = value.copy()
         value.flags.writeable = False
     elif kind is list:
-        return [sealed(v) for v in value]
+        return [read_only(v) for v in value]
     elif kind is dict:
-        return {k: sealed(v) for k, v in value.items()}
+        return {k: read_only(v) for k, v in value.items()}
     return value
 
 

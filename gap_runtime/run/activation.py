@@ -7,7 +7,7 @@ from typing import Any
 
 from gap_runtime.contracts.failures import ToolError, UnknownNameError
 from gap_runtime.errors import ExecutionError
-from gap_runtime.graph.compiled import UNSET, CompiledNode, CompiledSubgraph, Routes, Step
+from gap_runtime.graph.compiled import UNSET, CompiledNode, CompiledStep, CompiledSubgraph, Routes
 from gap_runtime.graph.references import walk
 from gap_runtime.run.attempt import Attempt
 from gap_runtime.run.streams import Stream
@@ -18,7 +18,7 @@ class Due:
 
     __slots__ = ("_steps", "pending", "visits")
 
-    def __init__(self, steps: Sequence[Step]) -> None:
+    def __init__(self, steps: Sequence[CompiledStep]) -> None:
         self._steps = steps
         self.pending: dict[int, None] = {}
         self.visits: dict[int, int] = {}

@@ -22,7 +22,7 @@ from gap_runtime.contracts.failures import (
 )
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.task import Task
-from gap_runtime.graph.compiled import Callee
+from gap_runtime.graph.compiled import BoundCallable
 from gap_runtime.graph.values import require_finite
 from gap_runtime.run.attempt import Attempt
 from gap_runtime.run.guard import GuardedCell
@@ -70,7 +70,7 @@ SHARED = SharedStore()
 class Services:
     """What every node of one run shares. `settling` guards who decides how an attempt ended."""
 
-    callees: Mapping[str, Callee]
+    callees: Mapping[str, BoundCallable]
     cell: Cell | None
     task: Task | None
     robots: tuple[RobotSpec, ...]
@@ -147,7 +147,7 @@ class NodeContext:
         if not self._attempt.node.streaming or stream is None:
             raise BadRequestError("stream", f"{self._attempt.node.path} is not a streaming node")
         callee = self._attempt.node.callee
-        stream.publish(callee.shape(value, self._attempt.node.path) if callee else value)
+        stream.publish(callee.check_result(value, self._attempt.node.path) if callee else value)
 
     @contextmanager
     def closing(self) -> Iterator[None]:
@@ -183,7 +183,7 @@ class NodeContext:
             seed=self._services.seed,
         )
 
-    def _permitted(self, name: str) -> Callee:
+    def _permitted(self, name: str) -> BoundCallable:
         callee = self._services.callees.get(name) or self._services.callees.get(name.replace("_", "-"))
         if callee is None:
             raise UnknownNameError("tool", name, self._allowed)
@@ -198,7 +198,7 @@ class NodeContext:
         return callee
 
 
-def call(services: Services, attempt: Attempt, callee: Callee, inputs: Mapping[str, Any]) -> Any:
+def call(services: Services, attempt: Attempt, callee: BoundCallable, inputs: Mapping[str, Any]) -> Any:
     """One tool call on behalf of a node: inputs checked, leases claimed, time bounded, output checked."""
     attempt.check()
     if attempt.closing and callee.effect == "actuate":
@@ -211,7 +211,7 @@ def call(services: Services, attempt: Attempt, callee: Callee, inputs: Mapping[s
     outcome: dict[str, Any] = {}
     try:
         context = NodeContext(services, attempt, callee.allowed)
-        value = callee.shape(callee.invoke(context, kwargs), callee.name)
+        value = callee.check_result(callee.invoke(context, kwargs), callee.name)
         outcome = {"output": value}
         return value
     except BaseException as error:
@@ -224,7 +224,7 @@ def call(services: Services, attempt: Attempt, callee: Callee, inputs: Mapping[s
             attempt.calls.append((callee.name, start, data))
 
 
-def checked(callee: Callee, inputs: Mapping[str, Any], where: str) -> dict[str, Any]:
+def checked(callee: BoundCallable, inputs: Mapping[str, Any], where: str) -> dict[str, Any]:
     """The inputs as the callee wants them. Raises `BadRequestError`: unknown, missing, of another type, not finite."""
     kwargs: dict[str, Any] = {}
     for name, value in inputs.items():
@@ -239,14 +239,14 @@ def checked(callee: Callee, inputs: Mapping[str, Any], where: str) -> dict[str, 
     return kwargs
 
 
-def require_all(callee: Callee, kwargs: Mapping[str, Any], where: str) -> None:
+def require_all(callee: BoundCallable, kwargs: Mapping[str, Any], where: str) -> None:
     """Raise `BadRequestError` where an input without a default is missing."""
     missing = sorted(callee.required - kwargs.keys())
     if missing:
         raise BadRequestError("missing", f"{where} needs the input {missing[0]!r}")
 
 
-def claim(services: Services, attempt: Attempt, callee: Callee, kwargs: Mapping[str, Any]) -> None:
+def claim(services: Services, attempt: Attempt, callee: BoundCallable, kwargs: Mapping[str, Any]) -> None:
     """Hold what the call needs until the node has ended. Raises `ToolError` code `lease`."""
     if callee.effect == "pure" or callee.kind == "script":
         return
@@ -261,14 +261,14 @@ def claim(services: Services, attempt: Attempt, callee: Callee, kwargs: Mapping[
         services.leases.claim(attempt, _resources(callee, kwargs), moves=moves)
 
 
-def _resources(callee: Callee, kwargs: Mapping[str, Any]) -> Iterable[str]:
+def _resources(callee: BoundCallable, kwargs: Mapping[str, Any]) -> Iterable[str]:
     if not any("{" in r for r in callee.resources):
         return callee.resources
     known = {p.name: p.default for p in callee.arguments} | dict(kwargs)
     return [r.format(**known) for r in callee.resources]
 
 
-def _narrow(services: Services, attempt: Attempt, callee: Callee) -> None:
+def _narrow(services: Services, attempt: Attempt, callee: BoundCallable) -> None:
     """Let the tool's own deadline count while it runs, where it is the nearer one."""
     deadline = monotonic() + callee.deadline_s * services.patience
     if deadline < attempt.deadline:

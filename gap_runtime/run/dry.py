@@ -6,7 +6,7 @@ import random
 from dataclasses import replace
 from typing import Any
 
-from gap_runtime.graph.compiled import Callee, CompiledGraph, CompiledNode
+from gap_runtime.graph.compiled import BoundCallable, CompiledGraph, CompiledNode
 from gap_runtime.graph.values import Check
 from gap_runtime.run.placeholders import ANYTHING, synthesize
 from gap_runtime.run.substitute import Mock, mocked, rebuilt
@@ -23,7 +23,7 @@ def dry(graph: CompiledGraph, *, seed: int = 0) -> CompiledGraph:
     """
     callees = {name: _lenient(mocked(c, _constant(_made_up(c)))) for name, c in graph.callees.items()}
 
-    def new(node: CompiledNode, callee: Callee) -> Callee:
+    def new(node: CompiledNode, callee: BoundCallable) -> BoundCallable:
         rng = random.Random(f"{seed}/{node.path}")  # its own, so that parallel branches draw the same every time
         return _lenient(mocked(callee, _mock(graph, node, callee, rng)))
 
@@ -36,7 +36,7 @@ def _constant(value: Any) -> Mock:
     return lambda ctx, kwargs: value
 
 
-def _mock(graph: CompiledGraph, node: CompiledNode, callee: Callee, rng: random.Random) -> Mock:
+def _mock(graph: CompiledGraph, node: CompiledNode, callee: BoundCallable, rng: random.Random) -> Mock:
     decision = _decision(graph, node)
     if node.kind == "router" and callee.output is not None and callee.output.is_list:
         return lambda ctx, kwargs: _sends(graph, node)
@@ -48,7 +48,7 @@ def _mock(graph: CompiledGraph, node: CompiledNode, callee: Callee, rng: random.
     return mock
 
 
-def _made_up(callee: Callee) -> Any:
+def _made_up(callee: BoundCallable) -> Any:
     if callee.output is not None:
         words = callee.choices.get("")
         return words[0] if words else synthesize(callee.output)
@@ -56,13 +56,13 @@ def _made_up(callee: Callee) -> Any:
     return {**made, **{name: _as_type(callee, name, words[0]) for name, words in callee.choices.items()}} or None
 
 
-def _decided(callee: Callee, made: Any, fields: tuple[str, ...], word: str) -> Any:
+def _decided(callee: BoundCallable, made: Any, fields: tuple[str, ...], word: str) -> Any:
     if not fields:
         return word
     return {**made, fields[0]: _as_type(callee, fields[0], word)} if isinstance(made, dict) else made
 
 
-def _as_type(callee: Callee, field: str, word: str) -> Any:
+def _as_type(callee: BoundCallable, field: str, word: str) -> Any:
     name = callee.fields[field].name if field in callee.fields else "string"
     if name == "bool":
         return word == "true"
@@ -87,7 +87,7 @@ def _sends(graph: CompiledGraph, router: CompiledNode) -> list[dict[str, Any]]:
     return [{"to": target.name, "inputs": {p.name: synthesize(p.type) for p in wanted}} for _ in range(COPIES)]
 
 
-def _lenient(callee: Callee) -> Callee:
+def _lenient(callee: BoundCallable) -> BoundCallable:
     return replace(callee, checks={name: _accepting(check) for name, check in callee.checks.items()})
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from gap_runtime.contracts.privilege import enter_node, leave_node
-from gap_runtime.graph.compiled import Callee
-from gap_runtime.graph.values import isolated, require_finite
+from gap_runtime.graph.compiled import BoundCallable
+from gap_runtime.graph.values import copy_containers, require_finite
 from gap_runtime.run.attempt import DEADLINE, Attempt, deadline_error
 from gap_runtime.run.context import NodeContext, Services, checked, claim, require_all
 
@@ -29,7 +29,7 @@ def perform(services: Services, attempt: Attempt) -> bool:
             if services.record_calls:
                 attempt.calls = []
             context = NodeContext(services, attempt, callee.allowed) if callee.takes_context else None
-            value = callee.shape(callee.invoke(context, kwargs), node.path)  # type: ignore[arg-type]
+            value = callee.check_result(callee.invoke(context, kwargs), node.path)  # type: ignore[arg-type]
             if attempt.cancelled:
                 attempt.check()  # it went on after it was told to stop: what it returns does not count
     except BaseException as problem:  # a node may raise anything, SystemExit included
@@ -42,10 +42,10 @@ def perform(services: Services, attempt: Attempt) -> bool:
     return attempt.settle(services.settling, value, error)
 
 
-def inputs_of(attempt: Attempt, callee: Callee) -> dict[str, Any]:
+def inputs_of(attempt: Attempt, callee: BoundCallable) -> dict[str, Any]:
     """The node's inputs as its callee wants them. Raises `BadRequestError`, or what a stream has to say."""
     node = attempt.node
-    kwargs = {name: isolated(value) for name, value in node.constants.items()} if node.constants else {}
+    kwargs = {name: copy_containers(value) for name, value in node.constants.items()} if node.constants else {}
     for name, read, check in node.readers:
         where = f"{node.path}.{name}"
         kwargs[name] = check(read(attempt.frame, attempt), where)

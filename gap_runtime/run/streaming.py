@@ -12,7 +12,7 @@ from gap_runtime.contracts.failures import CancelledError, ToolError
 from gap_runtime.contracts.privilege import enter_node, leave_node
 from gap_runtime.contracts.tool import OBSERVED
 from gap_runtime.contracts.types.typeref import TypeRef
-from gap_runtime.graph.compiled import Callee
+from gap_runtime.graph.compiled import BoundCallable
 from gap_runtime.run.activation import Frame
 from gap_runtime.run.attempt import Attempt
 from gap_runtime.run.context import NodeContext, Services, claim
@@ -117,7 +117,7 @@ def _stream_node(services: Services, attempt: Attempt, stream: Stream, on_error:
         on_error(attempt)
 
 
-def _produce(services: Services, attempt: Attempt, callee: Callee, stream: Stream) -> None:
+def _produce(services: Services, attempt: Attempt, callee: BoundCallable, stream: Stream) -> None:
     """Run the callee: it publishes by itself, yields items, or returns one item per call and is called again."""
     news: Feed | None = None
     while True:

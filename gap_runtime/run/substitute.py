@@ -22,7 +22,7 @@ from gap_runtime.contracts.failures import (
     did_you_mean,
 )
 from gap_runtime.contracts.models import Document
-from gap_runtime.graph.compiled import Callee, CompiledGraph, CompiledNode, CompiledSubgraph, TopNode
+from gap_runtime.graph.compiled import BoundCallable, CompiledGraph, CompiledNode, CompiledSubgraph, TopNode
 from gap_runtime.run.context import NodeContext
 
 ERRORS: dict[str, type[ToolError]] = {
@@ -63,11 +63,11 @@ class Rule(Document):
             raise ValueError("give exactly one of node and tool")
         return self
 
-    def matches(self, path: str, callee: Callee) -> bool:
+    def matches(self, path: str, callee: BoundCallable) -> bool:
         """True for the node at `path` which calls `callee`."""
         return (self.node is not None and fnmatchcase(path, self.node)) or self.matches_tool(callee)
 
-    def matches_tool(self, callee: Callee) -> bool:
+    def matches_tool(self, callee: BoundCallable) -> bool:
         """True for a tool of this name."""
         return self.tool is not None and callee.kind == "tool" and fnmatchcase(callee.name, self.tool)
 
@@ -95,11 +95,11 @@ def substitute(graph: CompiledGraph, rules: Sequence[Rule], where: str = "substi
             known = [n.path for n in nodes] if rule.node else list(graph.callees)
             raise DocumentError(where, f"rules.{i}: nothing matches {wanted!r}", hint=did_you_mean(wanted, known))
 
-    def new(path: str, callee: Callee) -> Callee:
+    def new(path: str, callee: BoundCallable) -> BoundCallable:
         rule = next((r for r in rules if r.matches(path, callee)), None)
         return callee if rule is None else mocked(callee, rule_mock(rule, callee))
 
-    def new_tool(callee: Callee) -> Callee:
+    def new_tool(callee: BoundCallable) -> BoundCallable:
         rule = next((r for r in rules if r.matches_tool(callee)), None)
         return callee if rule is None else mocked(callee, rule_mock(rule, callee))
 
@@ -107,12 +107,12 @@ def substitute(graph: CompiledGraph, rules: Sequence[Rule], where: str = "substi
     return rebuilt(replace(graph, callees=callees), lambda n, c: new(n.path, c))
 
 
-def mocked(callee: Callee, mock: Mock) -> Callee:
+def mocked(callee: BoundCallable, mock: Mock) -> BoundCallable:
     """The callee with `mock` in place of what it does; its contract stays, so what the mock returns is checked."""
     return replace(callee, invoke=mock, takes_context=True, jailed=False)
 
 
-def rule_mock(rule: Rule, callee: Callee) -> Mock:
+def rule_mock(rule: Rule, callee: BoundCallable) -> Mock:
     """What a rule does in place of `callee`."""
     calls = 0
 
@@ -131,7 +131,7 @@ def rule_mock(rule: Rule, callee: Callee) -> Mock:
     return mock
 
 
-def _delay(rule: Rule, callee: Callee, ctx: NodeContext) -> None:
+def _delay(rule: Rule, callee: BoundCallable, ctx: NodeContext) -> None:
     """Wall time passes. A late node is deaf: it neither listens nor stops, as a call stuck in C would not."""
     if rule.late:
         time.sleep(min(ctx.seconds_left(), LATEST_S) + 1.0)
@@ -142,7 +142,7 @@ def _delay(rule: Rule, callee: Callee, ctx: NodeContext) -> None:
         time.sleep(min(0.01, rule.delay_s))
 
 
-def rebuilt(graph: CompiledGraph, new: Callable[[CompiledNode, Callee], Callee]) -> CompiledGraph:
+def rebuilt(graph: CompiledGraph, new: Callable[[CompiledNode, BoundCallable], BoundCallable]) -> CompiledGraph:
     """The graph with `new(node, its callee)` in every node that calls something."""
 
     def node(old: CompiledNode) -> CompiledNode:

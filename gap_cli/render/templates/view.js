@@ -1,8 +1,8 @@
 "use strict";
 const data = JSON.parse(document.getElementById("data").textContent);
-const story = data.story, panel = document.getElementById("panel"), video = document.querySelector("video");
+const timeline = data.timeline, panel = document.getElementById("panel"), video = document.querySelector("video");
 const boxes = new Map([...document.querySelectorAll("[data-path]")].map((g) => [g.dataset.path, g]));
-const visitsOf = (path) => (story ? story.visits.filter((v) => v.path === path) : []);
+const visitsOf = (path) => (timeline ? timeline.visits.filter((v) => v.path === path) : []);
 const seconds = (s) => (s === null || s === undefined ? "-" : s < 1 ? `${(s * 1000).toFixed(1)} ms` : `${s.toFixed(2)} s`);
 let chosen = null, bars = [];
 
@@ -59,7 +59,7 @@ function show(path, visit) {
   if (all.length > 1) panel.append(element("div", { class: "visits" }, ...all.map((v, i) =>
     element("button", { class: v === visit ? "on" : "", onclick: () => { show(path, v); seek(v.start); } }, `visit ${i + 1}`))));
   if (visit) measured(visit);
-  else { if (story) panel.append(element("p", { class: "soft" }, "did not run")); add("inputs", node.inputs); }
+  else { if (timeline) panel.append(element("p", { class: "soft" }, "did not run")); add("inputs", node.inputs); }
   for (const call of node.recovery || []) add(`recovery: ${call.tool}`, call.inputs);
   if (node.script && data.sources[node.script]) {
     panel.append(element("h3", {}, node.script), element("pre", {}, data.sources[node.script]));
@@ -86,7 +86,7 @@ function measured(visit) {
 function subgraph(path, group) {
   panel.append(element("p", { class: "soft" }, `subgraph - ${group.skill}`));
   if (group.description) panel.append(element("p", {}, group.description));
-  if (story && story.exits[path]) panel.append(element("p", {}, element("span", { class: "chip" }, `exit: ${story.exits[path].join(", ")}`)));
+  if (timeline && timeline.exits[path]) panel.append(element("p", {}, element("span", { class: "chip" }, `exit: ${timeline.exits[path].join(", ")}`)));
   add("inputs", group.inputs);
   add("outputs", group.outputs);
   add("parameters", group.parameters);
@@ -96,13 +96,13 @@ function subgraph(path, group) {
 
 function overview() {
   panel.replaceChildren(element("h2", {}, "The graph"), element("p", { class: "soft" }, "Choose a node to see what it calls, takes and gives."));
-  if (story && story.error) panel.append(element("div", { class: "problem" }, story.error));
+  if (timeline && timeline.error) panel.append(element("div", { class: "problem" }, timeline.error));
   const text = element("details", {}, element("summary", {}, "Mermaid"), element("pre", {}, data.mermaid));
   panel.append(element("h3", {}, "as text"), text);
 }
 
 function worldAt(t) {
-  const c = story.clock;
+  const c = timeline.clock;
   if (!c.length) return null;
   let i = c.findIndex((p) => p[0] > t);
   if (i === 0) return c[0][1];
@@ -117,14 +117,14 @@ function seek(t) {
   document.querySelector("#bar output").textContent = `${t.toFixed(2)} s` + (world === null ? "" : `   world ${world.toFixed(2)} s`);
   const track = document.querySelector(".track"), lanes = document.getElementById("lanes");
   const left = track.getBoundingClientRect().left - lanes.getBoundingClientRect().left;
-  document.getElementById("now").style.left = `${left + (t / story.duration) * track.clientWidth}px`;
-  const running = new Set(story.visits.filter((v) => v.start <= t && (v.end === null || v.end >= t)).map((v) => v.path));
+  document.getElementById("now").style.left = `${left + (t / timeline.duration) * track.clientWidth}px`;
+  const running = new Set(timeline.visits.filter((v) => v.start <= t && (v.end === null || v.end >= t)).map((v) => v.path));
   for (const [p, g] of boxes) g.classList.toggle("now", running.has(p));
   if (video && world !== null && video.readyState) video.currentTime = Math.max(0, Math.min(video.duration || 0, world - data.videoStart));
 }
 
 function lanes() {
-  const root = document.getElementById("lanes"), span = Math.max(story.duration, 1e-6), rows = new Map();
+  const root = document.getElementById("lanes"), span = Math.max(timeline.duration, 1e-6), rows = new Map();
   const place = (i, a, b) => { i.style.left = `${(100 * a) / span}%`; i.style.width = `${(100 * Math.max(b - a, 0)) / span}%`; return i; };
   const row = (name, label, css) => {
     if (!rows.has(name)) {
@@ -134,7 +134,7 @@ function lanes() {
     }
     return rows.get(name);
   };
-  const order = [...story.passes.map((p) => [p.start, p]), ...story.visits.map((v) => [v.start, v])].sort((a, b) => a[0] - b[0]);
+  const order = [...timeline.passes.map((p) => [p.start, p]), ...timeline.visits.map((v) => [v.start, v])].sort((a, b) => a[0] - b[0]);
   for (const [, x] of order) {
     if (x.name) { row(x.name, x.name, "pass").append(place(element("i", { class: "pass" }), x.start, x.end ?? span)); continue; }
     const track = row(x.path, x.path.split("/").slice(1).join("/"), "");
@@ -151,30 +151,30 @@ for (const [path, g] of boxes) {
 }
 document.getElementById("graph").addEventListener("click", overview);
 overview();
-if (story) {
-  for (const v of story.visits) { const g = boxes.get(v.path); if (g) { g.classList.remove("finished", "failed", "cancelled"); g.classList.add(v.status); } }
-  if (boxes.has(story.end)) boxes.get(story.end).classList.add("reached");
+if (timeline) {
+  for (const v of timeline.visits) { const g = boxes.get(v.path); if (g) { g.classList.remove("finished", "failed", "cancelled"); g.classList.add(v.status); } }
+  if (boxes.has(timeline.end)) boxes.get(timeline.end).classList.add("reached");
   lanes();
   const slider = document.querySelector("#bar input"), button = document.querySelector("#bar button");
-  slider.max = story.duration;
+  slider.max = timeline.duration;
   slider.oninput = () => seek(Number(slider.value));
   let last = null;
   const play = (now) => {
     if (last === null) return;
-    const t = Math.min(story.duration, Number(slider.value) + (now - last) / 1000);
+    const t = Math.min(timeline.duration, Number(slider.value) + (now - last) / 1000);
     last = now;
     seek(t);
-    if (t < story.duration) requestAnimationFrame(play); else { last = null; button.textContent = "play"; }
+    if (t < timeline.duration) requestAnimationFrame(play); else { last = null; button.textContent = "play"; }
   };
   button.onclick = () => {
     if (last !== null) { last = null; button.textContent = "play"; return; }
-    if (Number(slider.value) >= story.duration) slider.value = 0;
+    if (Number(slider.value) >= timeline.duration) slider.value = 0;
     last = performance.now(); button.textContent = "pause"; requestAnimationFrame(play);
   };
   if (video) video.addEventListener("loadedmetadata", () => seek(Number(slider.value)));
   addEventListener("resize", () => seek(Number(slider.value)));
   seek(0);
-  const bad = story.visits.find((v) => v.status === "failed");
+  const bad = timeline.visits.find((v) => v.status === "failed");
   if (bad) show(bad.path, bad);
 }
 if (location.hash.length > 1) show(decodeURIComponent(location.hash.slice(1)));

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import combinations
 
-from gap_cli.analysis.scope import Scope, Whole
+from gap_cli.analysis.context import SubgraphContext, WorkflowContext
 from gap_runtime.contracts.skill import NAME_SLOT
 from gap_runtime.contracts.types.typeref import TypeRef
 from gap_runtime.errors import did_you_mean
@@ -13,105 +13,105 @@ from gap_runtime.graph.findings import Finding
 from gap_runtime.graph.names import SLOT
 
 
-def w11_contract(scope: Scope) -> Iterator[Finding]:
+def w11_contract(sg: SubgraphContext) -> Iterator[Finding]:
     """W11: inputs are the skill's, outputs among the skill's, after substitution, type by type."""
-    contract, d = scope.contract, scope.definition
+    contract, d = sg.contract, sg.definition
     if contract is None:
         return
-    yield from _substitutions(scope)
-    inputs, outputs = scope.contract_types
+    yield from _substitutions(sg)
+    inputs, outputs = sg.contract_types
     for name, type_ in inputs.items():
         if name not in d.inputs and not type_.optional:
             hint = f'Declare it: inputs={{"{name}": "{type_.name}"}}.'
-            yield scope.find("W11", "inputs", f"{d.skill} needs {name!r} ({type_})", hint)
+            yield sg.finding("W11", "inputs", f"{d.skill} needs {name!r} ({type_})", hint)
     for name, text in d.inputs.items():
         if name not in inputs:
-            yield scope.find("W11", f"inputs.{name}", f"{d.skill} takes no {name!r}", _known(name, inputs))
+            yield sg.finding("W11", f"inputs.{name}", f"{d.skill} takes no {name!r}", _known(name, inputs))
         else:
-            yield from _type(scope, f"inputs.{name}", text, inputs[name])
+            yield from _type(sg, f"inputs.{name}", text, inputs[name])
     for name in d.outputs:
         if name not in outputs:
-            yield scope.find("W11", f"outputs.{name}", f"{d.skill} gives no {name!r}", _known(name, outputs))
+            yield sg.finding("W11", f"outputs.{name}", f"{d.skill} gives no {name!r}", _known(name, outputs))
 
 
 def _known(name: str, names: dict[str, TypeRef]) -> str:
     return did_you_mean(name, names) if names else "It has none."
 
 
-def _substitutions(scope: Scope) -> Iterator[Finding]:
-    contract, d = scope.contract, scope.definition
+def _substitutions(sg: SubgraphContext) -> Iterator[Finding]:
+    contract, d = sg.contract, sg.definition
     assert contract is not None
     known = {*contract.inputs, *contract.outputs, *contract.roles, SLOT}
     for key in d.names:
         if key not in known:
             message = f"{key!r} is neither a name nor a role of {d.skill}"
-            yield scope.find("W11", f"names.{key}", message, did_you_mean(key, known))
+            yield sg.finding("W11", f"names.{key}", message, did_you_mean(key, known))
     for part, contracted in (("inputs", contract.inputs), ("outputs", contract.outputs)):
-        spelled = scope.contract_types[0 if part == "inputs" else 1]
+        spelled = sg.contract_types[0 if part == "inputs" else 1]
         if any(n.startswith(NAME_SLOT) for n in spelled):
             hint = 'Write names={"name": "target"}.'
-            yield scope.find("W11", part, f"nothing says what {NAME_SLOT} is", hint)
+            yield sg.finding("W11", part, f"nothing says what {NAME_SLOT} is", hint)
         elif len(spelled) < len(contracted):
-            yield scope.find("W11", "names", f"two {part} of {d.skill} would have one name")
+            yield sg.finding("W11", "names", f"two {part} of {d.skill} would have one name")
 
 
-def _type(scope: Scope, path: str, text: str, wanted: TypeRef) -> Iterator[Finding]:
+def _type(sg: SubgraphContext, path: str, text: str, wanted: TypeRef) -> Iterator[Finding]:
     try:
         declared = TypeRef.parse(text)
     except ValueError as error:
-        yield scope.find("W11", path, str(error))
+        yield sg.finding("W11", path, str(error))
         return
     if not wanted.accepts(declared):
-        yield scope.find("W11", path, f"is declared {declared}, and the skill takes {wanted}")
+        yield sg.finding("W11", path, f"is declared {declared}, and the skill takes {wanted}")
 
 
-def producers(whole: Whole) -> Iterator[Finding]:
+def producers(context: WorkflowContext) -> Iterator[Finding]:
     """S13, W12, W13: every input is produced, on every path, by one subgraph of that path."""
-    made = _made(whole)
-    names = sorted({n for s in whole.scopes.values() for n in s.definition.inputs} | set(made))
+    made = _made(context)
+    names = sorted({n for s in context.subgraphs.values() for n in s.definition.inputs} | set(made))
     bit = {name: 1 << i for i, name in enumerate(names)}
-    sure, may = _available(whole, bit)
-    for node, scope in whole.subgraph_nodes():
-        at = whole.ways.flow.index[node]
-        if at not in whole.ways.flow.rank:
+    sure, may = _available(context, bit)
+    for node, sg in context.subgraph_nodes():
+        at = context.exit_flow.flow.index[node]
+        if at not in context.exit_flow.flow.rank:
             continue
-        optional = {n for n, t in scope.contract_types[0].items() if t.optional}
-        for name in scope.definition.inputs:
-            path, ways = f"{scope.path}.inputs.{name}", made.get(name, [])
+        optional = {n for n, t in sg.contract_types[0].items() if t.optional}
+        for name in sg.definition.inputs:
+            path, exits = f"{sg.path}.inputs.{name}", made.get(name, [])
             if name in optional:
-                yield from _beside(whole, node, path, name, ways)
+                yield from _beside(context, node, path, name, exits)
             elif not any(n == name for n, _ in may[at]):
                 message = f"no subgraph before {node!r} produces {name!r}"
-                yield Finding(path, "S13", message, _nearest(name, whole, node))
-            elif not sure[at] & bit[name] and not _brought_by_a_branch(whole, node, ways):
-                without = _way_without(whole, at, bit[name], sure)
+                yield Finding(path, "S13", message, _nearest(name, context, node))
+            elif not sure[at] & bit[name] and not _brought_by_a_branch(context, node, exits):
+                without = _path_without(context, at, bit[name], sure)
                 yield Finding(path, "W12", f"{name!r} is not produced on every way to {node!r}{without}")
-        yield from _twice(node, scope, may[at])
-        yield from _flowing_types(whole, node, scope, may[at])
-    yield from _twice_at_once(whole, made)
+        yield from _twice(node, sg, may[at])
+        yield from _flowing_types(context, node, sg, may[at])
+    yield from _twice_at_once(context, made)
 
 
-def _made(whole: Whole) -> dict[str, list[str]]:
-    """For each name the exits (nodes of `whole.ways`) that give it."""
+def _made(context: WorkflowContext) -> dict[str, list[str]]:
+    """For each name the exits (nodes of `context.exit_flow`) that give it."""
     found: dict[str, list[str]] = {}
-    for way in whole.ways.exits:
-        for name in sorted(_given(whole, way)):
-            found.setdefault(name, []).append(way)
+    for exit_ in context.exit_flow.exits:
+        for name in sorted(_given(context, exit_)):
+            found.setdefault(name, []).append(exit_)
     return found
 
 
-def _brought_by_a_branch(whole: Whole, node: str, ways: list[str]) -> bool:
+def _brought_by_a_branch(context: WorkflowContext, node: str, exits: list[str]) -> bool:
     """True where branches join in this node, and one of them always brings what these exits give."""
-    return whole.ways.forks and whole.ways.flow.one_surely_before(node, ways)
+    return context.exit_flow.forks and context.exit_flow.must.one_before(node, exits)
 
 
-def _available(whole: Whole, bit: dict[str, int]) -> tuple[dict[int, int], dict[int, set[tuple[str, str]]]]:
+def _available(context: WorkflowContext, bit: dict[str, int]) -> tuple[dict[int, int], dict[int, set[tuple[str, str]]]]:
     """Per node: names produced on every single path to it, and every (name, producing node) on any."""
-    flow = whole.ways.flow
+    flow = context.exit_flow.flow
     sure = dict.fromkeys(flow.order, -1)
     sure[0] = 0
     may: dict[int, set[tuple[str, str]]] = {node: set() for node in flow.order}
-    given = {flow.index[way]: _given(whole, way) for way in whole.ways.exits}
+    given = {flow.index[exit_]: _given(context, exit_) for exit_ in context.exit_flow.exits}
     changed = True
     while changed:
         changed = False
@@ -123,39 +123,39 @@ def _available(whole: Whole, bit: dict[str, int]) -> tuple[dict[int, int], dict[
                 seen |= may[source]
             if node in given:
                 mask |= sum(bit[n] for n in given[node])
-                seen |= {(n, whole.ways.exits[flow.names[node]][0]) for n in given[node]}
+                seen |= {(n, context.exit_flow.exits[flow.names[node]][0]) for n in given[node]}
             if mask != sure[node] or seen != may[node]:
                 sure[node], may[node], changed = mask, seen, True
     return sure, may
 
 
-def _given(whole: Whole, way: str) -> frozenset[str]:
+def _given(context: WorkflowContext, exit_: str) -> frozenset[str]:
     """Names that are always there after an exit."""
-    node, value = whole.ways.exits[way]
-    scope = whole.scope_of(node)
-    return scope.gives(value) if scope is not None else frozenset()
+    node, value = context.exit_flow.exits[exit_]
+    sg = context.subgraph_of(node)
+    return sg.gives(value) if sg is not None else frozenset()
 
 
-def _beside(whole: Whole, node: str, path: str, name: str, ways: list[str]) -> Iterator[Finding]:
+def _beside(context: WorkflowContext, node: str, path: str, name: str, exits: list[str]) -> Iterator[Finding]:
     """W12 for an input that need not be there, but that a branch beside this one may produce."""
-    for way in ways if whole.ways.forks else ():
-        other = whole.ways.exits[way][0]
-        if other != node and whole.ways.beside.may_overlap(node, other):
+    for exit_ in exits if context.exit_flow.forks else ():
+        other = context.exit_flow.exits[exit_][0]
+        if other != node and context.exit_flow.parallel.may_overlap(node, other):
             message = f"{other!r} produces {name!r} beside {node!r}, not before it"
             yield Finding(path, "W12", message, f"Lead from {other!r} to {node!r}.")
             return
 
 
-def _nearest(name: str, whole: Whole, node: str) -> str:
+def _nearest(name: str, context: WorkflowContext, node: str) -> str:
     """Which subgraph gives it too late or under a similar name."""
-    outputs = {n: other for other, s in whole.subgraph_nodes() for n in s.definition.outputs}
+    outputs = {n: other for other, s in context.subgraph_nodes() for n in s.definition.outputs}
     if name in outputs and outputs[name] != node:
         return f"{outputs[name]!r} produces it; lead from there to {node!r}."
     return did_you_mean(name, outputs) if outputs else "No subgraph has outputs."
 
 
-def _way_without(whole: Whole, at: int, wanted: int, sure: dict[int, int]) -> str:
-    flow, exits = whole.ways.flow, whole.ways.exits
+def _path_without(context: WorkflowContext, at: int, wanted: int, sure: dict[int, int]) -> str:
+    flow, exits = context.exit_flow.flow, context.exit_flow.exits
     for number in flow.into[at]:
         source = flow.arcs[number].source
         if source in sure and not sure[source] & wanted:
@@ -164,45 +164,47 @@ def _way_without(whole: Whole, at: int, wanted: int, sure: dict[int, int]) -> st
     return ""
 
 
-def _twice(node: str, scope: Scope, before: set[tuple[str, str]]) -> Iterator[Finding]:
-    for name in scope.definition.outputs:
+def _twice(node: str, sg: SubgraphContext, before: set[tuple[str, str]]) -> Iterator[Finding]:
+    for name in sg.definition.outputs:
         others = sorted(p for n, p in before if n == name and p != node)
         if others:
             message = f"{others[0]!r} has produced {name!r} already on a way to {node!r}"
-            yield Finding(f"{scope.path}.outputs.{name}", "W13", message, _own_name(scope, name))
+            yield Finding(f"{sg.path}.outputs.{name}", "W13", message, _own_name(sg, name))
 
 
-def _own_name(scope: Scope | None, name: str) -> str:
-    contract = scope.contract if scope is not None else None
+def _own_name(sg: SubgraphContext | None, name: str) -> str:
+    contract = sg.contract if sg is not None else None
     slot = contract is not None and any(n.startswith(NAME_SLOT) for n in contract.outputs)
     return f'Give it a name of its own: names={{"{SLOT if slot else name}": ...}}.'
 
 
-def _twice_at_once(whole: Whole, made: dict[str, list[str]]) -> Iterator[Finding]:
+def _twice_at_once(context: WorkflowContext, made: dict[str, list[str]]) -> Iterator[Finding]:
     """W13 for branches that run side by side."""
-    for name, ways in made.items() if whole.ways.forks else ():
+    for name, exits in made.items() if context.exit_flow.forks else ():
         seen = set()
-        for one, other in combinations(ways, 2):
-            pair = (whole.ways.exits[one][0], whole.ways.exits[other][0])
-            if pair[0] != pair[1] and pair not in seen and whole.ways.both_taken(one, other):
+        for one, other in combinations(exits, 2):
+            pair = (context.exit_flow.exits[one][0], context.exit_flow.exits[other][0])
+            if pair[0] != pair[1] and pair not in seen and context.exit_flow.both_taken(one, other):
                 seen.add(pair)
-                scope = whole.scope_of(pair[1])
-                path = f"{scope.path}.outputs.{name}" if scope is not None else f"nodes.{pair[1]}"
+                sg = context.subgraph_of(pair[1])
+                path = f"{sg.path}.outputs.{name}" if sg is not None else f"nodes.{pair[1]}"
                 message = f"{pair[0]!r} and {pair[1]!r} can both produce {name!r} in one pass"
-                yield Finding(path, "W13", message, _own_name(scope, name))
+                yield Finding(path, "W13", message, _own_name(sg, name))
 
 
-def _flowing_types(whole: Whole, node: str, scope: Scope, before: set[tuple[str, str]]) -> Iterator[Finding]:
+def _flowing_types(
+    context: WorkflowContext, node: str, sg: SubgraphContext, before: set[tuple[str, str]]
+) -> Iterator[Finding]:
     """D4 and D5 between subgraphs: the producer's contract against the consumer's."""
-    for name, wanted in scope.inputs.items():
+    for name, wanted in sg.inputs.items():
         for other in sorted({p for n, p in before if n == name}):
-            producer = whole.scope_of(other)
+            producer = context.subgraph_of(other)
             given = producer.contract_types[1].get(name) if producer is not None else None
             if given is None or wanted.type is None or wanted.type.accepts(given):
                 continue
             code = "D5" if wanted.type.name == given.name and wanted.type.is_list == given.is_list else "D4"
             message = f"{node!r} takes {wanted.type} and {other!r} gives {given}"
-            yield Finding(f"{scope.path}.inputs.{name}", code, message)
+            yield Finding(f"{sg.path}.inputs.{name}", code, message)
 
 
 RULES = (w11_contract,)

@@ -4,97 +4,97 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from gap_cli.analysis.scope import Scope
-from gap_cli.analysis.value_types import NoSuchFieldError, walk_shape
+from gap_cli.analysis.context import SubgraphContext
+from gap_cli.analysis.value_types import NoSuchFieldError, walk_type
 from gap_runtime.errors import did_you_mean
 from gap_runtime.graph.findings import Finding
 from gap_runtime.graph.references import STREAM, Reference
 from gap_runtime.graph.walks import references_in
 
 
-def s7_there_is_a_success_exit(scope: Scope) -> Iterator[Finding]:
+def s7_there_is_a_success_exit(sg: SubgraphContext) -> Iterator[Finding]:
     """S7: no success exit."""
-    if not scope.definition.exit.success_values:
-        yield scope.find("S7", "exit.success_values", "is empty", 'Add one: sg.add_exit("done").')
+    if not sg.definition.exit.success_values:
+        yield sg.finding("S7", "exit.success_values", "is empty", 'Add one: sg.add_exit("done").')
 
 
-def s8_outputs_name_nodes(scope: Scope) -> Iterator[Finding]:
+def s8_outputs_name_nodes(sg: SubgraphContext) -> Iterator[Finding]:
     """S8: an output is bound to a node that is not there, or to an end node."""
-    for name, value in scope.definition.outputs.items():
+    for name, value in sg.definition.outputs.items():
         for path, reference in references_in(value, f"outputs.{name}"):
             if reference is None or reference.source != "node":
                 continue
-            if reference.name not in scope.nodes:
-                hint = did_you_mean(reference.name, scope.nodes)
-                yield scope.find("S8", path, f"there is no node {reference.name!r}", hint)
-            elif scope.nodes[reference.name].type == "end":
-                yield scope.find("S8", path, f"{reference.name!r} is an end node and gives nothing")
+            if reference.name not in sg.nodes:
+                hint = did_you_mean(reference.name, sg.nodes)
+                yield sg.finding("S8", path, f"there is no node {reference.name!r}", hint)
+            elif sg.nodes[reference.name].type == "end":
+                yield sg.finding("S8", path, f"{reference.name!r} is an end node and gives nothing")
 
 
-def s9_on_error_is_not_a_node(scope: Scope) -> Iterator[Finding]:
+def s9_on_error_is_not_a_node(sg: SubgraphContext) -> Iterator[Finding]:
     """S9: the failure exit is also a node."""
-    value = scope.definition.on_error
-    if value in scope.nodes:
+    value = sg.definition.on_error
+    if value in sg.nodes:
         hint = "A failure is raised, not routed to: drop the node, or rename it."
-        yield scope.find("S9", f"nodes.{value}", f"has the name of on_error ({value!r})", hint)
+        yield sg.finding("S9", f"nodes.{value}", f"has the name of on_error ({value!r})", hint)
 
 
-def s10_on_error_is_not_a_target(scope: Scope) -> Iterator[Finding]:
+def s10_on_error_is_not_a_target(sg: SubgraphContext) -> Iterator[Finding]:
     """S10: conditional edges lead to the failure exit."""
-    d = scope.definition
+    d = sg.definition
     for source, routes in d.conditional_edges.items():
         for value, target in routes.mapping.items():
             if target == d.on_error:
                 path = f"conditional_edges.{source}.mapping.{value}"
                 hint = "Lead to a script that raises; on_error catches it."
-                yield scope.find("S10", path, f"leads to on_error ({target!r}), which is no place to go", hint)
+                yield sg.finding("S10", path, f"leads to on_error ({target!r}), which is no place to go", hint)
 
 
-def s11_exits_can_be_reached(scope: Scope) -> Iterator[Finding]:
+def s11_exits_can_be_reached(sg: SubgraphContext) -> Iterator[Finding]:
     """S11: a success value no terminal node can give, or a terminal node that means no exit."""
-    d = scope.definition
+    d = sg.definition
     if d.exit.router_field is None:
-        yield from _named_exits(scope)
+        yield from _named_exits(sg)
         return
     for value in d.exit.success_values:
         if value in d.nodes:
             message = f"{value!r} is a value of {d.exit.router_field!r} and also a node"
-            yield scope.find("S11", "exit.success_values", message, "Rename the node.")
-    yield from _valued_exits(scope, d.exit.router_field)
+            yield sg.finding("S11", "exit.success_values", message, "Rename the node.")
+    yield from _valued_exits(sg, d.exit.router_field)
 
 
-def _named_exits(scope: Scope) -> Iterator[Finding]:
-    d = scope.definition
+def _named_exits(sg: SubgraphContext) -> Iterator[Finding]:
+    d = sg.definition
     for value in d.exit.success_values:
         node = d.nodes.get(value)
         if node is None:
             hint = f'Add it: sg.add_exit("{value}").'
-            yield scope.find("S11", "exit.success_values", f"no node is named {value!r}", hint)
+            yield sg.finding("S11", "exit.success_values", f"no node is named {value!r}", hint)
         elif node.type != "noop":
             hint = f'Exits are noops: sg.add_exit("{value}") and an edge to it.'
-            yield scope.find("S11", "exit.success_values", f"{value!r} is a {node.type}, not a noop", hint)
-        elif value not in scope.terminals:
+            yield sg.finding("S11", "exit.success_values", f"{value!r} is a {node.type}, not a noop", hint)
+        elif value not in sg.terminals:
             hint = f'Write sg.add_edge("{value}", END).'
-            yield scope.find("S11", "exit.success_values", f"exit {value!r} does not lead to END", hint)
-    for name in scope.terminals:
+            yield sg.finding("S11", "exit.success_values", f"exit {value!r} does not lead to END", hint)
+    for name in sg.terminals:
         if name not in d.exit.success_values and name != d.on_error:
             hint = f"Lead to one of {', '.join(d.exit.success_values) or 'its exits'} instead."
-            yield scope.find("S11", f"nodes.{name}", "leads to END and is not an exit", hint)
+            yield sg.finding("S11", f"nodes.{name}", "leads to END and is not an exit", hint)
 
 
-def _valued_exits(scope: Scope, field: str) -> Iterator[Finding]:
+def _valued_exits(sg: SubgraphContext, field: str) -> Iterator[Finding]:
     """With a routing field: every terminal node has the field, and its known words are the success values."""
-    values = scope.definition.exit.success_values
+    values = sg.definition.exit.success_values
     words: set[str] = set()
-    open_ended = not scope.terminals
-    for name in scope.terminals:
-        shape = scope.outputs[name]
+    open_ended = not sg.terminals
+    for name in sg.terminals:
+        found = sg.outputs[name]
         try:
-            if shape is None:
+            if found is None:
                 raise NoSuchFieldError(f"{name} gives nothing")
-            found = walk_shape(shape, tuple(field.split(".")), name)
+            found = walk_type(found, tuple(field.split(".")), name)
         except NoSuchFieldError as error:
-            yield scope.find("S11", "exit.router_field", f"{error.message}, so the exit cannot be read", error.hint)
+            yield sg.finding("S11", "exit.router_field", f"{error.message}, so the exit cannot be read", error.hint)
             open_ended = True
             continue
         known = found.words or (("true", "false") if found.type is not None and found.type.name == "bool" else ())
@@ -103,24 +103,24 @@ def _valued_exits(scope: Scope, field: str) -> Iterator[Finding]:
         for word in known:
             if values and word not in values:
                 hint = f"Exits: {', '.join(values)}. Raise instead, or declare it."
-                yield scope.find("S11", f"nodes.{name}", f"may end in {word!r}, which is not an exit", hint)
+                yield sg.finding("S11", f"nodes.{name}", f"may end in {word!r}, which is not an exit", hint)
     for value in values:
         if not open_ended and value not in words:
             hint = f"It can give {', '.join(sorted(words))}."
-            yield scope.find("S11", "exit.success_values", f"nothing ends in {value!r}", hint)
+            yield sg.finding("S11", "exit.success_values", f"nothing ends in {value!r}", hint)
 
 
-def s12_inputs_are_declared(scope: Scope) -> Iterator[Finding]:
+def s12_inputs_are_declared(sg: SubgraphContext) -> Iterator[Finding]:
     """S12: `in.<name>` that the subgraph does not declare."""
-    declared = scope.definition.inputs
-    places = [(f"nodes.{n}.inputs.{i}", v) for n, node in scope.nodes.items() for i, v in node.inputs.items()]
-    places += [(f"outputs.{n}", v) for n, v in scope.definition.outputs.items()]
+    declared = sg.definition.inputs
+    places = [(f"nodes.{n}.inputs.{i}", v) for n, node in sg.nodes.items() for i, v in node.inputs.items()]
+    places += [(f"outputs.{n}", v) for n, v in sg.definition.outputs.items()]
     for path, value in places:
         for where, reference in references_in(value, path):
             if _undeclared(reference, declared):
                 assert reference is not None
                 hint = did_you_mean(reference.name, [*declared, STREAM])
-                yield scope.find("S12", where, f"input {reference.name!r} is not declared", hint)
+                yield sg.finding("S12", where, f"input {reference.name!r} is not declared", hint)
 
 
 def _undeclared(reference: Reference | None, declared: dict[str, str]) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 
-from gap_cli.analysis.scope import Scope, Whole
+from gap_cli.analysis.context import SubgraphContext, WorkflowContext
 from gap_runtime.errors import did_you_mean
 from gap_runtime.graph.findings import Finding
 from gap_runtime.graph.migrate import RETIRED, migration
@@ -28,14 +28,14 @@ KEYS: dict[str, tuple[set[str], set[str]]] = {  # type -> (keys it needs, keys i
 INSIDE, TOP = ("tool", "script", "router", "noop"), ("subgraph", "end")
 
 
-def w2_keys_of_a_node(scope: Scope) -> Iterator[Finding]:
+def w2_keys_of_a_node(sg: SubgraphContext) -> Iterator[Finding]:
     """W2 inside a subgraph."""
-    yield from _keys(scope.nodes, INSIDE, f"{scope.path}.")
+    yield from _keys(sg.nodes, INSIDE, f"{sg.path}.")
 
 
-def w2_keys_at_the_top(whole: Whole) -> Iterator[Finding]:
+def w2_keys_at_the_top(context: WorkflowContext) -> Iterator[Finding]:
     """W2 at the top level."""
-    yield from _keys(whole.workflow.nodes, TOP, "")
+    yield from _keys(context.workflow.nodes, TOP, "")
 
 
 def _keys(nodes: Mapping[str, Node], here: tuple[str, ...], prefix: str) -> Iterator[Finding]:
@@ -61,9 +61,9 @@ def _wrong_type(node: Node, here: tuple[str, ...]) -> tuple[str, str]:
     return f"there is no node type {node.type!r}", did_you_mean(node.type, here)
 
 
-def w3_version_and_meta(whole: Whole) -> Iterator[Finding]:
+def w3_version_and_meta(context: WorkflowContext) -> Iterator[Finding]:
     """W3: the version of the format, and the meta keys that mean something."""
-    workflow = whole.workflow
+    workflow = context.workflow
     if workflow.version != VERSION:
         yield Finding("version", "W3", f"is {workflow.version}, and this reads version {VERSION}")
     hz = workflow.meta.get("observation_stream_hz")
@@ -81,18 +81,18 @@ def _positive(text: str) -> bool:
         return False
 
 
-def w5_names(whole: Whole) -> Iterator[Finding]:
+def w5_names(context: WorkflowContext) -> Iterator[Finding]:
     """W5: names that a reference, a file or a reader could not carry."""
-    workflow = whole.workflow
+    workflow = context.workflow
     yield from _names("nodes", workflow.nodes)
     yield from _names("subgraphs", workflow.subgraphs)
-    for scope in whole.scopes.values():
-        d = scope.definition
+    for sg in context.subgraphs.values():
+        d = sg.definition
         for part, names in (("nodes", d.nodes), ("inputs", d.inputs), ("outputs", d.outputs)):
-            yield from _names(f"{scope.path}.{part}", names)
+            yield from _names(f"{sg.path}.{part}", names)
         values = {"exit.success_values": d.exit.success_values, "on_error": [d.on_error]}
         for part, words in values.items():
-            yield from _names(f"{scope.path}.{part}", dict.fromkeys(words), whole_path=True)
+            yield from _names(f"{sg.path}.{part}", dict.fromkeys(words), whole_path=True)
 
 
 def _names(path: str, names: Mapping[str, object], *, whole_path: bool = False) -> Iterator[Finding]:

@@ -5,28 +5,28 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import combinations
 
-from gap_cli.analysis.scope import Scope, Whole
+from gap_cli.analysis.context import SubgraphContext, WorkflowContext
 from gap_cli.validate.rules.resources import CLOCK, Hold, clash, holds
 from gap_runtime.graph.findings import Finding
 
 
-def r1_r2_subgraphs_side_by_side(whole: Whole) -> Iterator[Finding]:
+def r1_r2_subgraphs_side_by_side(context: WorkflowContext) -> Iterator[Finding]:
     """R1: two subgraphs may hold one actuator at once. R2: one may move the robot while the other senses or moves."""
-    if not whole.ways.forks:
+    if not context.exit_flow.forks:
         return
-    nodes = dict(whole.subgraph_nodes())
-    held = {name: _held(scope) for name, scope in nodes.items()}
+    nodes = dict(context.subgraph_nodes())
+    held = {name: _held(sg) for name, sg in nodes.items()}
     for a, b in combinations(nodes, 2):
-        if held[a] and held[b] and whole.ways.beside.may_overlap(a, b):
+        if held[a] and held[b] and context.exit_flow.parallel.may_overlap(a, b):
             yield from _pair(a, b, held[a], held[b])
 
 
-def _held(scope: Scope) -> list[tuple[Hold, str]]:
+def _held(sg: SubgraphContext) -> list[tuple[Hold, str]]:
     """Everything a subgraph may hold, each by the first node that does; what streams shares the clock with anyone."""
     found: dict[Hold, str] = {}
-    for name in scope.nodes:
-        for hold in holds(scope, name):
-            if not (hold.resource == CLOCK and name in scope.streaming):
+    for name in sg.nodes:
+        for hold in holds(sg, name):
+            if not (hold.resource == CLOCK and name in sg.streaming):
                 found.setdefault(hold, name)
     return sorted(found.items())
 
@@ -44,29 +44,29 @@ def _pair(a: str, b: str, ours: list[tuple[Hold, str]], theirs: list[tuple[Hold,
         yield Finding(f"nodes.{a}", "R2", f"{message}, so what they do and see would depend on timing", hint)
 
 
-def r3_loops_beside_branches(whole: Whole) -> Iterator[Finding]:
+def r3_loops_beside_branches(context: WorkflowContext) -> Iterator[Finding]:
     """R3: where branches run side by side, a loop has one way in and starts over only when nothing of it still runs."""
-    ways = whole.ways
-    if not ways.forks:
+    exit_flow = context.exit_flow
+    if not exit_flow.forks:
         return
-    flow = ways.flow
+    flow = exit_flow.flow
     for number in sorted(flow.back):
         source, target = flow.arcs[number].source, flow.arcs[number].target
-        where = f"nodes.{ways.exits.get(flow.names[source], (flow.names[source],))[0]}"
+        where = f"nodes.{exit_flow.exits.get(flow.names[source], (flow.names[source],))[0]}"
         if number in flow.irreducible:
-            message = f"the loop from {ways.describe(source)} back to {flow.names[target]!r} has a second way in"
+            message = f"the loop from {exit_flow.describe(source)} back to {flow.names[target]!r} has a second way in"
             yield Finding(where, "R3", message, "Give the loop one first subgraph.")
             continue
-        running = ways.beside.restarted_under(number, frozenset())
+        running = exit_flow.parallel.restarted_under(number, frozenset())
         if running is not None:
-            message = f"goes back to {flow.names[target]!r} while {ways.describe(running)} may still run beside it"
+            message = f"goes back to {flow.names[target]!r} while {exit_flow.describe(running)} may still run beside it"
             yield Finding(where, "R3", message, "Go back only from where the branches have come together.")
 
 
-def r4_one_success_end(whole: Whole) -> Iterator[Finding]:
+def r4_one_success_end(context: WorkflowContext) -> Iterator[Finding]:
     """R4: two branches lead to two success ends, so that it is chance which one the run reaches."""
-    if whole.ways.forks:
-        for one, other in whole.ways.several_ends():
+    if context.exit_flow.forks:
+        for one, other in context.exit_flow.several_ends():
             hint = f"Lead both branches to {one!r}; it waits for both."
             yield Finding(f"nodes.{other}", "R4", f"and {one!r} can both end the same run", hint)
 

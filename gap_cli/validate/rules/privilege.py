@@ -4,31 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from gap_cli.analysis.scope import Scope, Whole
+from gap_cli.analysis.context import SubgraphContext, WorkflowContext
 from gap_runtime.graph.findings import Finding
 
 HINT = "A policy sees cameras, joint states, gripper width and forces; checkpoints read ground truth."
 
 
-def p1_p2_nodes(scope: Scope) -> Iterator[Finding]:
+def p1_p2_nodes(sg: SubgraphContext) -> Iterator[Finding]:
     """P1: a node calls a privileged tool. P2: a script may call one."""
-    for name in scope.nodes:
-        callee = scope.callees[name]
+    for name in sg.nodes:
+        callee = sg.callees[name]
         if callee is None:
             continue
         for spec in callee.tools:
             if spec.privileged and callee.what.startswith("tool "):
-                yield scope.find("P1", f"nodes.{name}.tool", f"{spec.name} reads simulator ground truth", HINT)
+                yield sg.finding("P1", f"nodes.{name}.tool", f"{spec.name} reads simulator ground truth", HINT)
             elif spec.privileged:
                 message = f"{callee.what} may call {spec.name}, which reads simulator ground truth"
-                yield scope.find("P2", f"nodes.{name}", message, HINT)
+                yield sg.finding("P2", f"nodes.{name}", message, HINT)
 
 
-def p3_recoveries(whole: Whole) -> Iterator[Finding]:
+def p3_recoveries(context: WorkflowContext) -> Iterator[Finding]:
     """P3: a recovery calls a privileged tool."""
-    for name, node in whole.workflow.nodes.items():
+    for name, node in context.workflow.nodes.items():
         for i, call in enumerate(node.recovery):
-            spec = whole.catalog.tools.get(call.tool)
+            spec = context.catalog.tools.get(call.tool)
             if spec is not None and spec.privileged:
                 path = f"nodes.{name}.recovery.{i}.tool"
                 yield Finding(path, "P3", f"{spec.name} reads simulator ground truth", HINT)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from itertools import islice
 from typing import Any, NamedTuple
 
-from gap_cli.analysis.scope import Scope
+from gap_cli.analysis.context import SubgraphContext
 from gap_cli.analysis.value_types import has_ref
 from gap_runtime.contracts.tool import ToolSpec
 from gap_runtime.graph.findings import Finding
@@ -23,12 +23,12 @@ class Hold(NamedTuple):
     tool: str
 
 
-def holds(scope: Scope, name: str) -> list[Hold]:
+def holds(sg: SubgraphContext, name: str) -> list[Hold]:
     """Everything a node may hold. A resource that depends on an input not known before the run is any of its kind."""
-    callee = scope.callees[name]
+    callee = sg.callees[name]
     if callee is None:
         return []
-    inputs = scope.nodes[name].inputs
+    inputs = sg.nodes[name].inputs
     known = {p.name: inputs.get(p.name, p.default) for p in callee.inputs.values() if not has_ref(inputs.get(p.name))}
     itself = callee.what.startswith("tool ")
     found = {h for spec in callee.tools for h in _tool_holds(spec, known if itself else {})}
@@ -54,17 +54,17 @@ def clash(a: Hold, b: Hold) -> bool:
     return kind == other_kind and (which == other or "*" in (which, other))
 
 
-def r1_r2_one_holder_at_a_time(scope: Scope) -> Iterator[Finding]:
+def r1_r2_one_holder_at_a_time(sg: SubgraphContext) -> Iterator[Finding]:
     """R1: two nodes may hold one actuator at once. R2: one may move the robot while another senses or moves."""
-    held = {name: found for name in scope.nodes if (found := holds(scope, name))}
+    held = {name: found for name in sg.nodes if (found := holds(sg, name))}
     names = list(held)
     for i, a in enumerate(names):
-        others = (b for b in names[i:] if (a != b or a in scope.copied) and scope.beside.may_overlap(a, b))
-        pairs = (finding for b in others for finding in _pair(scope, a, b, held[a], held[b]))
+        others = (b for b in names[i:] if (a != b or a in sg.copied) and sg.parallel.may_overlap(a, b))
+        pairs = (finding for b in others for finding in _pair(sg, a, b, held[a], held[b]))
         yield from islice(pairs, MAX_PER_NODE)
 
 
-def _pair(scope: Scope, a: str, b: str, ours: list[Hold], theirs: list[Hold]) -> Iterator[Finding]:
+def _pair(sg: SubgraphContext, a: str, b: str, ours: list[Hold], theirs: list[Hold]) -> Iterator[Finding]:
     clashes = [(x, y) for x in ours for y in theirs if clash(x, y)]
     actuators = [c for c in clashes if CLOCK not in (c[0].resource, c[1].resource)]
     beside = f"beside {b!r}" if a != b else "in copies"
@@ -73,46 +73,46 @@ def _pair(scope: Scope, a: str, b: str, ours: list[Hold], theirs: list[Hold]) ->
         x, y = actuators[0]
         which = x.resource if "*" not in x.resource else y.resource
         message = f"may hold {which} ({x.tool}) while it runs {beside} ({y.tool})"
-        yield scope.find("R1", f"nodes.{a}", message, hint)
-    elif clashes and not {a, b} & scope.streaming:
+        yield sg.finding("R1", f"nodes.{a}", message, hint)
+    elif clashes and not {a, b} & sg.streaming:
         x, y = clashes[0]
         message = f"runs {beside}: {x.tool} and {y.tool} in no order, so what they do and see would depend on timing"
-        yield scope.find("R2", f"nodes.{a}", message, hint)
+        yield sg.finding("R2", f"nodes.{a}", message, hint)
 
 
-def r3_loops(scope: Scope) -> Iterator[Finding]:
+def r3_loops(sg: SubgraphContext) -> Iterator[Finding]:
     """R3: a loop has one way in, a way out, and starts over only when all that began in it has finished."""
-    flow = scope.flow
+    flow = sg.flow
     heads = {flow.arcs[n].target for n in flow.back}
-    for node in sorted(heads & flow.endless):
+    for node in sorted(heads & sg.must.endless):
         name = flow.names[node]
         hint = "Let a node of it choose with conditional edges between going round and going on."
-        yield scope.find("R3", f"nodes.{name}", f"the loop that begins at {name!r} never ends", hint)
-    streaming = frozenset(flow.index[n] for n in scope.streaming)
+        yield sg.finding("R3", f"nodes.{name}", f"the loop that begins at {name!r} never ends", hint)
+    streaming = frozenset(flow.index[n] for n in sg.streaming)
     for number in sorted(flow.back):
         arc = flow.arcs[number]
         source, target = flow.names[arc.source], flow.names[arc.target]
         if number in flow.irreducible:
             message = f"the loop from {source!r} back to {target!r} can also be entered in its middle"
-            yield scope.find("R3", f"nodes.{target}", message, "Give the loop one first node.")
+            yield sg.finding("R3", f"nodes.{target}", message, "Give the loop one first node.")
             continue
-        running = scope.beside.restarted_under(number, streaming)
+        running = sg.parallel.restarted_under(number, streaming)
         if running == 1:
             message = f"goes back to {target!r} though the same pass may lead to END"
-            yield scope.find("R3", f"nodes.{source}", message, "Choose one of the two with conditional edges.")
+            yield sg.finding("R3", f"nodes.{source}", message, "Choose one of the two with conditional edges.")
         elif running is not None:
             other = flow.names[running]
             message = f"goes back to {target!r} while {other!r} may still run"
-            yield scope.find("R3", f"nodes.{source}", message, f'Join first: add_edge("{other}", "{source}").')
+            yield sg.finding("R3", f"nodes.{source}", message, f'Join first: add_edge("{other}", "{source}").')
 
 
-def r4_one_end_per_pass(scope: Scope) -> Iterator[Finding]:
+def r4_one_end_per_pass(sg: SubgraphContext) -> Iterator[Finding]:
     """R4: two branches both reach END, so that the exit would depend on timing."""
-    flow = scope.flow
-    for a, b in scope.beside.both_end():
+    flow = sg.flow
+    for a, b in sg.parallel.both_end():
         first, second = sorted((flow.names[a], flow.names[b]))
         hint = "Join the branches in one node before the exit."
-        yield scope.find("R4", f"nodes.{first}", f"and {second!r} can both end the same pass", hint)
+        yield sg.finding("R4", f"nodes.{first}", f"and {second!r} can both end the same pass", hint)
 
 
 RULES = (r1_r2_one_holder_at_a_time, r3_loops, r4_one_end_per_pass)

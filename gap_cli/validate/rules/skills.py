@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from gap_cli.analysis.scope import Scope, Whole
+from gap_cli.analysis.context import SubgraphContext, WorkflowContext
 from gap_cli.analysis.value_types import literal_problem
 from gap_runtime.contracts.skill import check_relative
 from gap_runtime.errors import did_you_mean
@@ -13,22 +13,22 @@ from gap_runtime.graph.model import Call
 from gap_runtime.graph.walks import references_in
 
 
-def k1_skill(scope: Scope) -> Iterator[Finding]:
+def k1_skill(sg: SubgraphContext) -> Iterator[Finding]:
     """K1: the skill exists, and is one that subgraphs are made of."""
-    d = scope.definition
-    if scope.contract is None:
-        hint = did_you_mean(d.skill.replace("_", "-"), scope.catalog.skills) if scope.catalog.skills else ""
-        yield scope.find("K1", "skill", f"there is no skill {d.skill!r}", hint or "No skills are installed.")
-    elif scope.contract.kind == "atomic":
+    d = sg.definition
+    if sg.contract is None:
+        hint = did_you_mean(d.skill.replace("_", "-"), sg.catalog.skills) if sg.catalog.skills else ""
+        yield sg.finding("K1", "skill", f"there is no skill {d.skill!r}", hint or "No skills are installed.")
+    elif sg.contract.kind == "atomic":
         hint = f'Call it from a node: type="tool", tool="{d.skill}".'
-        yield scope.find("K1", "skill", f"{d.skill} is atomic: a tool, not a subgraph", hint)
+        yield sg.finding("K1", "skill", f"{d.skill} is atomic: a tool, not a subgraph", hint)
 
 
-def k2_tools_exist(scope: Scope) -> Iterator[Finding]:
+def k2_tools_exist(sg: SubgraphContext) -> Iterator[Finding]:
     """K2: the tool of a node exists."""
-    for name, node in scope.nodes.items():
-        if node.type == "tool" and node.tool is not None and scope.callees[name] is None:
-            yield scope.find("K2", f"nodes.{name}.tool", *_unknown_tool(scope.catalog.callable_names, node.tool))
+    for name, node in sg.nodes.items():
+        if node.type == "tool" and node.tool is not None and sg.callees[name] is None:
+            yield sg.finding("K2", f"nodes.{name}.tool", *_unknown_tool(sg.catalog.callable_names, node.tool))
 
 
 def _unknown_tool(known: list[str], name: str) -> tuple[str, str]:
@@ -39,17 +39,17 @@ def _unknown_tool(known: list[str], name: str) -> tuple[str, str]:
     return f"there is no tool {name!r}", hint
 
 
-def k2_recoveries(whole: Whole) -> Iterator[Finding]:
+def k2_recoveries(context: WorkflowContext) -> Iterator[Finding]:
     """K2, D6-D8 over the calls of a recovery, whose inputs are literals."""
-    for name, node in whole.workflow.nodes.items():
+    for name, node in context.workflow.nodes.items():
         for i, call in enumerate(node.recovery):
-            yield from _recovery(whole, f"nodes.{name}.recovery.{i}", call)
+            yield from _recovery(context, f"nodes.{name}.recovery.{i}", call)
 
 
-def _recovery(whole: Whole, path: str, call: Call) -> Iterator[Finding]:
-    spec = whole.catalog.tools.get(call.tool)
+def _recovery(context: WorkflowContext, path: str, call: Call) -> Iterator[Finding]:
+    spec = context.catalog.tools.get(call.tool)
     if spec is None:
-        yield Finding(f"{path}.tool", "K2", *_unknown_tool(list(whole.catalog.tools), call.tool))
+        yield Finding(f"{path}.tool", "K2", *_unknown_tool(list(context.catalog.tools), call.tool))
         return
     known = {p.name: p for p in spec.inputs}
     for parameter in known.values():
@@ -66,21 +66,21 @@ def _recovery(whole: Whole, path: str, call: Call) -> Iterator[Finding]:
             yield Finding(where, "D6", f"does not fit {known[name].type}: {problem[0]}", problem[1])
 
 
-def k3_scripts_exist(scope: Scope) -> Iterator[Finding]:
+def k3_scripts_exist(sg: SubgraphContext) -> Iterator[Finding]:
     """K3: the script of a node is below scripts/, is there, and can be read."""
-    for name, node in scope.nodes.items():
+    for name, node in sg.nodes.items():
         path = f"nodes.{name}.script"
         if node.type not in ("script", "router") or node.script is None:
             continue
-        if node.script in scope.catalog.problems:
-            yield scope.find("K3", path, scope.catalog.problems[node.script])
+        if node.script in sg.catalog.problems:
+            yield sg.finding("K3", path, sg.catalog.problems[node.script])
         elif not _is_script_path(node.script):
-            hint = f"Write scripts/{scope.name}/<file>.py."
-            yield scope.find("K3", path, f"{node.script!r} is not a script of this workflow", hint)
-        elif node.script not in scope.catalog.scripts:
-            known = scope.catalog.scripts
+            hint = f"Write scripts/{sg.name}/<file>.py."
+            yield sg.finding("K3", path, f"{node.script!r} is not a script of this workflow", hint)
+        elif node.script not in sg.catalog.scripts:
+            known = sg.catalog.scripts
             hint = did_you_mean(node.script, known) if known else "Write it, or name a canonical script of the skill."
-            yield scope.find("K3", path, f"there is no {node.script}", hint)
+            yield sg.finding("K3", path, f"there is no {node.script}", hint)
 
 
 def _is_script_path(path: str) -> bool:
@@ -91,60 +91,60 @@ def _is_script_path(path: str) -> bool:
     return path.startswith("scripts/") and path.endswith(".py")
 
 
-def k4_tools_of_the_skill(scope: Scope) -> Iterator[Finding]:
+def k4_tools_of_the_skill(sg: SubgraphContext) -> Iterator[Finding]:
     """K4: a node, or a script by name, calls a tool outside the skill's list."""
-    if scope.contract is None:
+    if sg.contract is None:
         return
-    allowed = {t.replace("_", "-") if "." not in t else t for t in scope.contract.tools}
-    skill = scope.definition.skill
-    for name, node in scope.nodes.items():
-        if node.type == "tool" and node.tool is not None and scope.callees[name] is not None:
+    allowed = {t.replace("_", "-") if "." not in t else t for t in sg.contract.tools}
+    skill = sg.definition.skill
+    for name, node in sg.nodes.items():
+        if node.type == "tool" and node.tool is not None and sg.callees[name] is not None:
             used, path = [node.tool], f"nodes.{name}.tool"
-        elif node.script in scope.catalog.scripts:
-            used, path = sorted(scope.catalog.scripts[str(node.script)].tools), f"nodes.{name}.script"
+        elif node.script in sg.catalog.scripts:
+            used, path = sorted(sg.catalog.scripts[str(node.script)].tools), f"nodes.{name}.script"
         else:
             continue
         for tool in used:
             if (tool if "." in tool else tool.replace("_", "-")) not in allowed:
                 hint = did_you_mean(tool, allowed) if allowed else f"{skill} may call none."
-                yield scope.find("K4", path, f"{tool} is not among the tools of {skill}", hint)
+                yield sg.finding("K4", path, f"{tool} is not among the tools of {skill}", hint)
 
 
-def k5_exits_of_the_skill(scope: Scope) -> Iterator[Finding]:
+def k5_exits_of_the_skill(sg: SubgraphContext) -> Iterator[Finding]:
     """K5: success values and on_error are the skill's."""
-    if scope.contract is None or scope.contract.kind == "atomic":
+    if sg.contract is None or sg.contract.kind == "atomic":
         return
-    d, exits = scope.definition, scope.contract.exits
+    d, exits = sg.definition, sg.contract.exits
     for value in d.exit.success_values:
         if value not in exits.success:
             hint = did_you_mean(value, exits.success)
-            yield scope.find("K5", "exit.success_values", f"{value!r} is not an exit of {d.skill}", hint)
+            yield sg.finding("K5", "exit.success_values", f"{value!r} is not an exit of {d.skill}", hint)
     if d.on_error != exits.failure:
         message = f"on_error is {d.on_error!r}, and {d.skill} fails with {exits.failure!r}"
-        yield scope.find("K5", "on_error", message, f'Write sg.set_on_error("{exits.failure}").')
+        yield sg.finding("K5", "on_error", message, f'Write sg.set_on_error("{exits.failure}").')
 
 
-def k6_parameters(scope: Scope) -> Iterator[Finding]:
+def k6_parameters(sg: SubgraphContext) -> Iterator[Finding]:
     """K6: parameters are the skill's and within bounds."""
-    if scope.contract is None:
+    if sg.contract is None:
         return
-    known = scope.contract.parameters
-    for name, value in scope.definition.parameters.items():
+    known = sg.contract.parameters
+    for name, value in sg.definition.parameters.items():
         path = f"parameters.{name}"
         if name not in known:
             hint = did_you_mean(name, known) if known else "It has none."
-            yield scope.find("K6", path, f"{scope.definition.skill} has no parameter {name!r}", hint)
+            yield sg.finding("K6", path, f"{sg.definition.skill} has no parameter {name!r}", hint)
         elif problem := known[name].problem_with(value):
-            yield scope.find("K6", path, problem, f"The default is {known[name].default!r}.")
+            yield sg.finding("K6", path, problem, f"The default is {known[name].default!r}.")
 
 
-def k7_stage(scope: Scope) -> Iterator[Finding]:
+def k7_stage(sg: SubgraphContext) -> Iterator[Finding]:
     """K7: the stage tag is the skill's."""
-    stage = scope.definition.stage
-    if scope.contract is not None and stage is not None and stage != scope.contract.stage:
-        right = scope.contract.stage
+    stage = sg.definition.stage
+    if sg.contract is not None and stage is not None and stage != sg.contract.stage:
+        right = sg.contract.stage
         hint = f'Write stage="{right}".' if right else "Drop it."
-        yield scope.find("K7", "stage", f"is {stage!r}, and {scope.definition.skill} is {right or 'of no stage'}", hint)
+        yield sg.finding("K7", "stage", f"is {stage!r}, and {sg.definition.skill} is {right or 'of no stage'}", hint)
 
 
 RULES = (

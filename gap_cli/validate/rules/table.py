@@ -29,7 +29,7 @@ given, `done` is the exit, `failed` the failure, `see` finds the target box that
 
 
 @dataclass(frozen=True)
-class Rule:
+class RuleEntry:
     """One rule. `at` says where its examples stand: inside a subgraph, in the topology, or in the JSON."""
 
     code: str
@@ -40,10 +40,10 @@ class Rule:
 
 
 @cache
-def rules() -> tuple[Rule, ...]:
+def rules() -> tuple[RuleEntry, ...]:
     """All rules, in the order of the table."""
     text = files("gap_cli.validate.rules").joinpath("rules.yaml").read_text(encoding="utf-8")
-    return tuple(Rule(**entry) for entry in parse_yaml(text, "rules.yaml"))
+    return tuple(RuleEntry(**entry) for entry in parse_yaml(text, "rules.yaml"))
 
 
 def markdown() -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from gap_cli.analysis.scope import Scope, Whole
+from gap_cli.analysis.context import SubgraphContext, WorkflowContext
 from gap_cli.validate.rules.structure import dangling
 from gap_runtime.errors import did_you_mean
 from gap_runtime.graph.findings import Finding
@@ -13,15 +13,15 @@ from gap_runtime.graph.model import END, START
 EXIT = "exit"
 
 
-def s1_top(whole: Whole) -> Iterator[Finding]:
+def s1_top(context: WorkflowContext) -> Iterator[Finding]:
     """S1 at the top level."""
-    w = whole.workflow
+    w = context.workflow
     yield from dangling(set(w.nodes), w.edges, w.conditional_edges)
 
 
-def w7_entry(whole: Whole) -> Iterator[Finding]:
+def w7_entry(context: WorkflowContext) -> Iterator[Finding]:
     """W7: the task begins with a subgraph, or with several side by side."""
-    w = whole.workflow
+    w = context.workflow
     entries = [(i, target) for i, (source, target) in enumerate(w.edges) if source == START]
     if START in w.conditional_edges:
         yield Finding("conditional_edges.START", "W7", "START decides nothing", "Use spec.add_edge(START, ...).")
@@ -32,9 +32,9 @@ def w7_entry(whole: Whole) -> Iterator[Finding]:
             yield Finding(f"edges.{i}", "W7", f"the task starts at {target!r}, which is not a subgraph")
 
 
-def w8_every_exit_is_routed(whole: Whole) -> Iterator[Finding]:
+def w8_every_exit_is_routed(context: WorkflowContext) -> Iterator[Finding]:
     """W8: every success value and on_error leads somewhere, and nothing else does; a plain edge is for any success."""
-    w = whole.workflow
+    w = context.workflow
     for i, (source, target) in enumerate(w.edges):
         if target == END and source != START:
             yield Finding(f"edges.{i}", "W8", "leads to END", "Lead to an end node (spec.add_end).")
@@ -45,32 +45,32 @@ def w8_every_exit_is_routed(whole: Whole) -> Iterator[Finding]:
         for value, target in routes.mapping.items():
             if target == END:
                 yield Finding(f"{path}.mapping.{value}", "W8", "leads to END", "Lead to an end node (spec.add_end).")
-    for name, scope in whole.subgraph_nodes():
-        yield from _routed(whole, name, scope)
+    for name, sg in context.subgraph_nodes():
+        yield from _routed(context, name, sg)
 
 
-def _routed(whole: Whole, name: str, scope: Scope) -> Iterator[Finding]:
-    exits = [*dict.fromkeys([*scope.definition.exit.success_values, scope.definition.on_error])]
-    routes = whole.workflow.conditional_edges.get(name)
+def _routed(context: WorkflowContext, name: str, sg: SubgraphContext) -> Iterator[Finding]:
+    exits = [*dict.fromkeys([*sg.definition.exit.success_values, sg.definition.on_error])]
+    routes = context.workflow.conditional_edges.get(name)
     mapping = routes.mapping if routes is not None else {}
-    plain = any(source == name for source, _ in whole.workflow.edges)
+    plain = any(source == name for source, _ in context.workflow.edges)
     for value in exits:
-        if value not in mapping and not (plain and value != scope.definition.on_error):
-            kind = "on_error" if value == scope.definition.on_error else "exit"
+        if value not in mapping and not (plain and value != sg.definition.on_error):
+            kind = "on_error" if value == sg.definition.on_error else "exit"
             hint = f'Add "{value}": <node> to the conditional edges of {name}.'
             yield Finding(f"conditional_edges.{name}", "W8", f"{kind} {value!r} of {name!r} leads nowhere", hint)
     for value in mapping:
         if value not in exits:
             path = f"conditional_edges.{name}.mapping.{value}"
-            on_error = scope.definition.on_error
+            on_error = sg.definition.on_error
             hint = f'Declare on_error="{value}", or route "{on_error}".' if on_error not in mapping else ""
             hint = hint or did_you_mean(value, exits)
             yield Finding(path, "W8", f"{value!r} is not an exit of {name!r}", hint)
 
 
-def w9_ends(whole: Whole) -> Iterator[Finding]:
+def w9_ends(context: WorkflowContext) -> Iterator[Finding]:
     """W9: a success end that can be reached, no end or subgraph out of reach, and nothing after an end."""
-    w, flow = whole.workflow, whole.flow
+    w, flow = context.workflow, context.flow
     ends = [n for n, node in w.nodes.items() if node.type == "end"]
     if not any(w.nodes[n].status == "success" for n in ends):
         yield Finding("nodes", "W9", "no end is a success", 'Add spec.add_end("done", status="success").')
@@ -85,9 +85,9 @@ def w9_ends(whole: Whole) -> Iterator[Finding]:
             yield Finding(f"conditional_edges.{source}", "W9", f"edges leave the end {source!r}", "Drop them.")
 
 
-def w10_definitions(whole: Whole) -> Iterator[Finding]:
+def w10_definitions(context: WorkflowContext) -> Iterator[Finding]:
     """W10: every reference has its definition and every definition its node."""
-    w = whole.workflow
+    w = context.workflow
     used = set()
     for name, node in w.nodes.items():
         if node.type == "subgraph" and node.ref is not None:
@@ -97,13 +97,13 @@ def w10_definitions(whole: Whole) -> Iterator[Finding]:
                 yield Finding(f"nodes.{name}.ref", "W10", f"there is no subgraph {node.ref!r}", hint)
     for name in w.subgraphs:
         if name not in used:
-            hint = f'Place it: spec.add_subgraph_node("{name}", ref="{name}"); or drop it.'
+            hint = f'InputSlot it: spec.add_subgraph_node("{name}", ref="{name}"); or drop it.'
             yield Finding(f"subgraphs.{name}", "W10", "no node refers to it", hint)
 
 
-def w14_loops_have_a_budget(whole: Whole) -> Iterator[Finding]:
+def w14_loops_have_a_budget(context: WorkflowContext) -> Iterator[Finding]:
     """W14: a loop of subgraphs none of which says how often it may be visited."""
-    w = whole.workflow
+    w = context.workflow
     routed = [(s, t) for s, routes in w.conditional_edges.items() for t in routes.mapping.values()]
     edges = [(s, t) for s, t in [*w.edges, *routed] if s in w.nodes and t in w.nodes]
     free = {n for n, node in w.nodes.items() if node.max_visits is None}

@@ -82,5 +82,5 @@ def test_a_long_chain_and_a_wide_join_are_quick_to_resolve():
     names = [f"n{i}" for i in range(5000)]
     chain = make_topology(names, [("START", "n0"), *itertools.pairwise(names)], {}, "x")
     assert not any(chain.waits_for)
-    wide = make_topology([*names, "z"], [(n, "z") for n in names], {}, "x")
+    wide = make_topology([*names, "z"], [e for n in names for e in (("START", n), (n, "z"))], {}, "x")
     assert wide.waits_for[-1].bit_count() == 5000

@@ -10,11 +10,11 @@ import pytest
 from gap_runtime.contracts.failures import BadRequestError
 from gap_runtime.contracts.types import DepthImage, PointCloud, Trajectory, Vec3
 from gap_runtime.contracts.types.typeref import TypeRef
-from gap_runtime.graph.values import isolated, make_check, make_shape, require_finite, sealed
+from gap_runtime.graph.values import copy_containers, make_check, make_result_check, read_only, require_finite
 
 
-def shape(**fields):
-    return make_shape("scripts/x/look_up.py", None, {k: TypeRef.parse(v) for k, v in fields.items()})
+def result_check(**fields):
+    return make_result_check("scripts/x/look_up.py", None, {k: TypeRef.parse(v) for k, v in fields.items()})
 
 
 def test_a_value_of_the_type_passes_unchanged_and_plain_data_is_decoded():
@@ -45,7 +45,7 @@ class Pair(NamedTuple):
 
 @pytest.mark.parametrize("returned", [{"found": True, "score": 1}, Pair(True, 1.0)])
 def test_named_results_become_one_kind_of_record(returned):
-    record = shape(found="bool", score="float")(returned, "n")
+    record = result_check(found="bool", score="float")(returned, "n")
     assert record.found is True and record.score == 1.0
     assert type(record).__name__ == "LookUpOutput"
 
@@ -56,15 +56,15 @@ def test_named_results_become_one_kind_of_record(returned):
 )
 def test_missing_extra_or_bare_results_are_refused(returned, says):
     with pytest.raises(BadRequestError, match=says):
-        shape(found="bool", score="float")(returned, "n")
+        result_check(found="bool", score="float")(returned, "n")
 
 
 def test_optional_fields_may_be_left_out():
-    assert shape(found="bool", mask="Mask?")({"found": False}, "n").mask is None
+    assert result_check(found="bool", mask="Mask?")({"found": False}, "n").mask is None
 
 
 def test_a_result_that_was_not_promised_is_dropped():
-    assert make_shape("t", None, {})({"secret": 1}, "n") is None
+    assert make_result_check("t", None, {})({"secret": 1}, "n") is None
 
 
 @pytest.mark.parametrize(
@@ -86,14 +86,14 @@ def test_depth_may_hold_unknown_distances():
 
 def test_readers_get_containers_of_their_own():
     value = {"a": [1, 2]}
-    mine = isolated(value)
+    mine = copy_containers(value)
     mine["a"].append(3)
     assert value == {"a": [1, 2]}
 
 
 def test_sealing_copies_arrays_so_that_their_maker_cannot_change_them():
     array = np.zeros(3)
-    kept = sealed([array])[0]
+    kept = read_only([array])[0]
     array[0] = 1
     assert kept[0] == 0
     with pytest.raises(ValueError):

@@ -15,7 +15,7 @@ from rich.console import Console
 from gap_cli.render.mermaid import mermaid
 from gap_cli.render.page import page
 from gap_cli.render.preview import preview
-from gap_cli.render.timeline import read_story
+from gap_cli.render.timeline import read_timeline
 from gap_cli.render.trace import MAX_PICTURED, Tracer
 from gap_cli.render.tree import tree
 from gap_runtime.contracts.types import DepthImage, Image, Mask, PointCloud, Vec3
@@ -52,25 +52,30 @@ def traced(w):
     return graph, json.loads(json.dumps(tracer.rows))
 
 
-def test_a_story_is_what_happened():
+def test_a_timeline_is_what_happened():
     _, rows = traced(workflow())
-    story = read_story(rows)
-    assert (story.status, story.end, story.seed, story.exits) == ("success", "success", 4, {"main": ["done"]})
-    assert {v.path: v.status for v in story.visits} == dict.fromkeys(
+    timeline = read_timeline(rows)
+    assert (timeline.status, timeline.end, timeline.seed, timeline.exits) == (
+        "success",
+        "success",
+        4,
+        {"main": ["done"]},
+    )
+    assert {v.path: v.status for v in timeline.visits} == dict.fromkeys(
         ["main/look", "main/add", "main/yes", "main/done", "main/track"], "finished"
     )
-    add = story.latest["main/add"]
+    add = timeline.latest["main/add"]
     assert add.data["inputs"]["fields"] == {"a": 1.0, "b": 2.0} and add.data["output"]["fields"]["total"] == 3.0
-    assert all(v.end >= v.start for v in story.visits)
+    assert all(v.end >= v.start for v in timeline.visits)
 
 
-def test_a_failed_story_keeps_the_error():
-    story = read_story(traced(workflow("fake.Fail"))[1])
-    assert story.status == "failure" and story.latest["main/yes"].error == "no luck"
-    assert "abort/00.fake.Grip" in story.latest
+def test_a_failed_run_keeps_the_error():
+    timeline = read_timeline(traced(workflow("fake.Fail"))[1])
+    assert timeline.status == "failure" and timeline.latest["main/yes"].error == "no luck"
+    assert "abort/00.fake.Grip" in timeline.latest
 
 
-def test_tool_calls_inside_scripts_are_part_of_the_story(tmp_path):
+def test_tool_calls_inside_scripts_are_part_of_the_timeline(tmp_path):
     file = tmp_path / "s.py"
     file.write_text(
         "def run(ctx) -> float:\n    return ctx.tool('fake.Add', a=1).total + ctx.tool('fake.Add', a=2).total\n"
@@ -78,7 +83,7 @@ def test_tool_calls_inside_scripts_are_part_of_the_story(tmp_path):
     w = fake_workflow({"s": {"type": "script", "script": "scripts/s.py"}}, [("START", "s"), ("s", "done")])
     tracer = Tracer()
     run_graph(compile_fake(w, canonical={"scripts/s.py": file}), RunSetup(), [tracer])
-    calls = read_story(json.loads(json.dumps(tracer.rows))).latest["main/s"].data["calls"]
+    calls = read_timeline(json.loads(json.dumps(tracer.rows))).latest["main/s"].data["calls"]
     assert [(c["tool"], c["inputs"]["fields"]["a"], c["output"]["fields"]["total"]) for c in calls] == [
         ("fake.Add", 1.0, 1.0), ("fake.Add", 2.0, 2.0),
     ]  # fmt: skip
@@ -99,14 +104,14 @@ def test_mermaid_survives_names_that_mean_something_to_it():
     assert "n_main__end --> n_main__graph" in mermaid(w)
 
 
-def rendered(w, story=None):
+def rendered(w, timeline=None):
     console = Console(width=120, no_color=True, file=io.StringIO())
-    console.print(tree(w, story))
+    console.print(tree(w, timeline))
     return console.file.getvalue()
 
 
 def test_the_tree_reads_in_the_order_of_control_and_shows_how_it_went():
-    lines = rendered(workflow(), read_story(traced(workflow("fake.Fail"))[1])).splitlines()
+    lines = rendered(workflow(), read_timeline(traced(workflow("fake.Fail"))[1])).splitlines()
     order = [next(i for i, line in enumerate(lines) if f" {n}  " in line) for n in ("look", "add", "yes")]
     assert order == sorted(order)
     assert "✗ yes" in lines[order[2]] and "no luck" in lines[order[2]] and "✓ look" in lines[order[0]]
@@ -149,7 +154,7 @@ def test_a_long_trace_stops_taking_pictures():
 
 def test_the_page_needs_no_network_and_carries_the_scripts():
     _, rows = traced(workflow())
-    html = page(workflow(), {"scripts/x.py": "def run(ctx) -> None: ..."}, read_story(rows), title="A & B")
+    html = page(workflow(), {"scripts/x.py": "def run(ctx) -> None: ..."}, read_timeline(rows), title="A & B")
     assert not re.search(r"""(src|href)\s*=\s*["']?(https?:)?//""", html) and "@import" not in html
     assert "<title>A &amp; B</title>" in html and "def run(ctx)" in html
 
@@ -169,7 +174,7 @@ def nasty():
 def test_nothing_in_a_graph_can_escape_into_the_page():
     w = nasty()
     _, rows = traced(w)
-    html = page(w, {"scripts/x.py": NASTY}, read_story(rows), title=NASTY)
+    html = page(w, {"scripts/x.py": NASTY}, read_timeline(rows), title=NASTY)
     assert html.count("</script>") == 2 and NASTY not in html
 
 
@@ -192,17 +197,17 @@ def dom(tmp_path, html):
 @pytest.mark.parametrize("last, panel", [("fake.Echo", "The graph"), ("fake.Fail", "no luck")])
 def test_a_real_browser_draws_lanes_and_opens_what_failed(tmp_path, last, panel):
     _, rows = traced(workflow(last))
-    shown = dom(tmp_path, page(workflow(last), {}, read_story(rows)))
+    shown = dom(tmp_path, page(workflow(last), {}, read_timeline(rows)))
     body = shown.partition('<script type="application/json"')[0]
     assert panel in body.partition('id="panel"')[2]
-    assert len(re.findall(r'class="lane ', body)) == len({v.path for v in read_story(rows).visits}) + 1
+    assert len(re.findall(r'class="lane ', body)) == len({v.path for v in read_timeline(rows).visits}) + 1
     assert re.search(r'class="node tool finished[^"]*" data-path="main/look"', body)
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no browser here")
 def test_a_real_browser_runs_none_of_what_a_graph_smuggles_in(tmp_path):
     _, rows = traced(nasty())
-    assert "<title>stolen" not in dom(tmp_path, page(nasty(), {"scripts/x.py": NASTY}, read_story(rows)))
+    assert "<title>stolen" not in dom(tmp_path, page(nasty(), {"scripts/x.py": NASTY}, read_timeline(rows)))
 
 
 def test_a_page_without_a_run_shows_the_graph_alone():

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from functools import cached_property
 
-from gap_runtime.graph.control_flow import Flow
+from gap_cli.analysis.must_execute import bits
+from gap_runtime.graph.control_flow import ControlFlowGraph
 
 
-class Beside:
+class MayHappenInParallel:
     """Pairs of edges, and of nodes, over all interleavings of a graph's parallel branches."""
 
-    def __init__(self, flow: Flow) -> None:
+    def __init__(self, flow: ControlFlowGraph) -> None:
         self.flow = flow
 
     @cached_property
-    def together(self) -> list[int]:
+    def same_pass(self) -> list[int]:
         """For each edge, a mask of the edges that can be taken in the same pass.
 
         Two edges of one choice exclude each other; two of different nodes go together when the later node can be
@@ -62,7 +63,7 @@ class Beside:
             return self.repeats(a)
         if flow.before[i] >> j & 1 or flow.before[j] >> i & 1:
             return False
-        return any(self.together[n] & self._arrivals[j] or self._arrivals[j] >> n & 1 for n in bits(self._arrivals[i]))
+        return any(self.same_pass[n] & self._arrivals[j] or self._arrivals[j] >> n & 1 for n in bits(self._arrivals[i]))
 
     def repeats(self, name: str) -> bool:
         """True when a fan-out may start several copies of this node."""
@@ -75,7 +76,7 @@ class Beside:
         taken in this pass, or END (1); None where all that began in the loop has come together before."""
         flow, before = self.flow, self.flow.before
         tail, head = flow.arcs[number].source, flow.arcs[number].target
-        for other in bits(self.together[number]):
+        for other in bits(self.same_pass[number]):
             source, target = flow.arcs[other].source, flow.arcs[other].target
             if target in streaming or before[source] >> tail & 1:
                 continue  # its source waits for the loop, so it has not been taken yet
@@ -98,10 +99,5 @@ class Beside:
             (flow.arcs[a].source, flow.arcs[b].source)
             for i, a in enumerate(ends)
             for b in ends[i + 1 :]
-            if flow.arcs[a].source != flow.arcs[b].source and self.together[a] >> b & 1
+            if flow.arcs[a].source != flow.arcs[b].source and self.same_pass[a] >> b & 1
         ]
-
-
-def bits(mask: int) -> list[int]:
-    """Positions of the ones, lowest first."""
-    return [i for i, digit in enumerate(reversed(bin(mask))) if digit == "1"]

@@ -5,31 +5,32 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import cached_property
 
-from gap_cli.analysis.catalog import Callee, Catalog
-from gap_cli.analysis.exit_flow import Ways
-from gap_cli.analysis.value_types import ANY, Shape, output_shape
+from gap_cli.analysis.catalog import Catalog, Signature
+from gap_cli.analysis.concurrency import MayHappenInParallel
+from gap_cli.analysis.exit_flow import ExitFlowGraph
+from gap_cli.analysis.must_execute import MustExecute
+from gap_cli.analysis.value_types import ANY, StaticType, output_type
 from gap_runtime.contracts.skill import SkillContract
 from gap_runtime.contracts.types.typeref import TypeRef
-from gap_runtime.graph.concurrency import Beside
-from gap_runtime.graph.control_flow import Flow
+from gap_runtime.graph.control_flow import ControlFlowGraph
 from gap_runtime.graph.findings import Finding
 from gap_runtime.graph.model import Node, SubgraphDef, Workflow
 from gap_runtime.graph.names import contract_names, infer_names
 from gap_runtime.graph.walks import references_in
 
 
-class Scope:
+class SubgraphContext:
     """Everything rules ask about one subgraph definition, worked out once."""
 
     def __init__(self, name: str, definition: SubgraphDef, catalog: Catalog) -> None:
         self.name, self.definition, self.catalog = name, definition, catalog
         self.path = f"subgraphs.{name}"
         self.contract: SkillContract | None = catalog.skill(definition.skill)
-        self.callees: dict[str, Callee | None] = {
+        self.callees: dict[str, Signature | None] = {
             n: catalog.callee(node, self.contract) for n, node in definition.nodes.items()
         }
 
-    def find(self, code: str, path: str, message: str, hint: str = "") -> Finding:
+    def finding(self, code: str, path: str, message: str, hint: str = "") -> Finding:
         """A finding below this subgraph."""
         return Finding(f"{self.path}.{path}" if path else self.path, code, message, hint)
 
@@ -61,15 +62,20 @@ class Scope:
         return frozenset(n for n, node in self.nodes.items() if node.streaming)
 
     @cached_property
-    def flow(self) -> Flow:
+    def flow(self) -> ControlFlowGraph:
         """How control flows."""
         d = self.definition
-        return Flow(d.nodes, d.edges, d.conditional_edges, self.fan_outs)
+        return ControlFlowGraph(d.nodes, d.edges, d.conditional_edges, self.fan_outs)
 
     @cached_property
-    def beside(self) -> Beside:
+    def must(self) -> MustExecute:
+        """What has surely run."""
+        return MustExecute(self.flow)
+
+    @cached_property
+    def parallel(self) -> MayHappenInParallel:
         """What can run at the same time."""
-        return Beside(self.flow)
+        return MayHappenInParallel(self.flow)
 
     @cached_property
     def terminals(self) -> list[str]:
@@ -89,38 +95,38 @@ class Scope:
         return ({}, {}) if self.contract is None else contract_names(self.contract, self.names)
 
     @cached_property
-    def inputs(self) -> dict[str, Shape]:
+    def inputs(self) -> dict[str, StaticType]:
         """What `in.<name>` is: the skill's type where it has one, else the declared one."""
         known = self.contract_types[0]
         found = {}
         for name, text in self.definition.inputs.items():
             try:
-                found[name] = Shape(known.get(name) or TypeRef.parse(text))
+                found[name] = StaticType(known.get(name) or TypeRef.parse(text))
             except ValueError:
-                found[name] = Shape(ANY)
+                found[name] = StaticType(ANY)
         return found
 
     @cached_property
-    def outputs(self) -> dict[str, Shape | None]:
+    def outputs(self) -> dict[str, StaticType | None]:
         """What each node gives; None for nothing, `any` where what it calls is not known."""
         return {n: self._output(n) for n in self.nodes}
 
-    def _output(self, name: str) -> Shape | None:
+    def _output(self, name: str) -> StaticType | None:
         if name in self.fan_outs:
-            return Shape(TypeRef("any", is_list=True))
+            return StaticType(TypeRef("any", is_list=True))
         callee = self.callees[name]
         if callee is None:
-            return None if self.nodes[name].type == "noop" else Shape(ANY)
-        return output_shape(callee)
+            return None if self.nodes[name].type == "noop" else StaticType(ANY)
+        return output_type(callee)
 
-    def surely_before(self, node: str, other: str) -> bool:
+    def must_precede(self, node: str, other: str) -> bool:
         """True when what `other` gives is always there when `node` starts."""
-        started = self.flow.surely_started if other in self.streaming else self.flow.surely_before
+        started = self.must.started_before if other in self.streaming else self.must.before
         return started(node, other)
 
     def given_at(self, terminal: str, node: str) -> bool:
         """True when what `node` gives is always there once the subgraph ended at `terminal`."""
-        return terminal == node or self.surely_before(terminal, node)
+        return terminal == node or self.must_precede(terminal, node)
 
     def exits_at(self, terminal: str) -> list[str]:
         """The success exits a terminal node can mean."""
@@ -149,32 +155,32 @@ class Scope:
         return found
 
 
-class Whole:
+class WorkflowContext:
     """The workflow and its subgraphs, for rules about the top level."""
 
     def __init__(self, workflow: Workflow, catalog: Catalog) -> None:
         self.workflow, self.catalog = workflow, catalog
-        self.scopes = {name: Scope(name, d, catalog) for name, d in workflow.subgraphs.items()}
+        self.subgraphs = {name: SubgraphContext(name, d, catalog) for name, d in workflow.subgraphs.items()}
 
     @cached_property
-    def flow(self) -> Flow:
+    def flow(self) -> ControlFlowGraph:
         """How control flows from subgraph to subgraph."""
         w = self.workflow
-        return Flow(w.nodes, w.edges, w.conditional_edges)
+        return ControlFlowGraph(w.nodes, w.edges, w.conditional_edges)
 
     @cached_property
-    def ways(self) -> Ways:
+    def exit_flow(self) -> ExitFlowGraph:
         """How control flows from exit to exit."""
-        return Ways(self.workflow)
+        return ExitFlowGraph(self.workflow)
 
-    def scope_of(self, node: str) -> Scope | None:
-        """The scope of the definition a top-level node refers to."""
+    def subgraph_of(self, node: str) -> SubgraphContext | None:
+        """The sg of the definition a top-level node refers to."""
         found = self.workflow.nodes.get(node)
-        return self.scopes.get(found.ref) if found is not None and found.type == "subgraph" and found.ref else None
+        return self.subgraphs.get(found.ref) if found is not None and found.type == "subgraph" and found.ref else None
 
-    def subgraph_nodes(self) -> Iterator[tuple[str, Scope]]:
+    def subgraph_nodes(self) -> Iterator[tuple[str, SubgraphContext]]:
         """Top-level subgraph nodes whose definition exists."""
         for name in self.workflow.nodes:
-            scope = self.scope_of(name)
-            if scope is not None:
-                yield name, scope
+            sg = self.subgraph_of(name)
+            if sg is not None:
+                yield name, sg

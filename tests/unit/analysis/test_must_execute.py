@@ -7,15 +7,16 @@ from itertools import combinations
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
-from gap_runtime.graph.concurrency import Beside
-from gap_runtime.graph.control_flow import Flow
+from gap_cli.analysis.concurrency import MayHappenInParallel
+from gap_cli.analysis.must_execute import MustExecute
+from gap_runtime.graph.control_flow import ControlFlowGraph
 from gap_runtime.graph.model import Routing
 from tests.unit.run.schedules import explore
 
 
 def make(names, edges, routing=None, fan_out=()):
     routes = {n: Routing(router_field="x", mapping=m) for n, m in (routing or {}).items()}
-    return Flow(names, edges, routes, frozenset(fan_out))
+    return ControlFlowGraph(names, edges, routes, frozenset(fan_out))
 
 
 def pairs(text):
@@ -29,54 +30,54 @@ LOOP = make("abc", pairs("START>a a>b c>END"), {"b": {"again": "a", "on": "c"}})
 
 
 def test_a_join_follows_every_branch():
-    assert all(DIAMOND.surely_before("d", n) for n in "abc")
-    assert Beside(DIAMOND).may_overlap("b", "c")
-    assert not Beside(DIAMOND).may_overlap("b", "d")
+    assert all(MustExecute(DIAMOND).before("d", n) for n in "abc")
+    assert MayHappenInParallel(DIAMOND).may_overlap("b", "c")
+    assert not MayHappenInParallel(DIAMOND).may_overlap("b", "d")
 
 
 def test_of_a_choice_no_branch_is_sure_and_none_run_together():
-    assert CHOICE.surely_before("d", "a")
-    assert not CHOICE.surely_before("d", "b")
-    assert not Beside(CHOICE).may_overlap("b", "c")
+    assert MustExecute(CHOICE).before("d", "a")
+    assert not MustExecute(CHOICE).before("d", "b")
+    assert not MayHappenInParallel(CHOICE).may_overlap("b", "c")
 
 
 def test_after_a_loop_its_body_has_run_and_inside_it_what_follows_has_not():
-    assert LOOP.surely_before("c", "b")
-    assert not LOOP.surely_before("a", "b")
+    assert MustExecute(LOOP).before("c", "b")
+    assert not MustExecute(LOOP).before("a", "b")
     assert LOOP.loops == {LOOP.index["a"]: 1 << LOOP.index["a"] | 1 << LOOP.index["b"]}
 
 
 def test_a_branch_with_a_loop_is_joined_all_the_same():
     flow = make("abclz", pairs("START>a START>l l>b c>z a>z z>END"), {"b": {"again": "l", "on": "c"}})
-    assert flow.surely_before("z", "c") and flow.surely_before("z", "a")
+    assert MustExecute(flow).before("z", "c") and MustExecute(flow).before("z", "a")
 
 
 def test_what_runs_beside_is_not_before():
     flow = make("ab", pairs("START>a START>b a>END b>END"))
-    assert not flow.surely_before("a", "b")
-    assert Beside(flow).both_end()
+    assert not MustExecute(flow).before("a", "b")
+    assert MayHappenInParallel(flow).both_end()
 
 
 def test_a_stream_is_there_once_it_was_surely_started():
     flow = make("sab", pairs("START>s START>a a>b b>END"))
-    assert flow.surely_started("a", "s") and flow.surely_started("b", "s")
+    assert MustExecute(flow).started_before("a", "s") and MustExecute(flow).started_before("b", "s")
     late = make("sab", pairs("START>a a>s a>b b>END"))
-    assert late.surely_started("b", "s") and not late.surely_started("a", "s")
+    assert MustExecute(late).started_before("b", "s") and not MustExecute(late).started_before("a", "s")
     maybe = make("sab", pairs("START>a b>END"), {"a": {"x": "s", "y": "b"}})
-    assert not maybe.surely_started("b", "s")
+    assert not MustExecute(maybe).started_before("b", "s")
 
 
 def test_a_join_waits_for_a_node_that_only_leads_back():
     flow = make("altz", pairs("START>a START>l t>l a>z z>END"), {"l": {"again": "t", "on": "z"}})
-    assert not Beside(flow).may_overlap("t", "z") and not Beside(flow).may_overlap("l", "z")
-    assert all(Beside(flow).restarted_under(n, frozenset()) is None for n in flow.back)
-    assert Beside(flow).may_overlap("t", "a")
+    assert not MayHappenInParallel(flow).may_overlap("t", "z") and not MayHappenInParallel(flow).may_overlap("l", "z")
+    assert all(MayHappenInParallel(flow).restarted_under(n, frozenset()) is None for n in flow.back)
+    assert MayHappenInParallel(flow).may_overlap("t", "a")
 
 
 def test_of_two_ways_one_was_taken():
-    assert CHOICE.one_surely_before("d", "bc") and not CHOICE.one_surely_before("d", "b")
-    assert not CHOICE.one_surely_before("b", "cd")
-    assert not CHOICE.one_surely_before("a", "bc")
+    assert MustExecute(CHOICE).one_before("d", "bc") and not MustExecute(CHOICE).one_before("d", "b")
+    assert not MustExecute(CHOICE).one_before("b", "cd")
+    assert not MustExecute(CHOICE).one_before("a", "bc")
 
 
 def test_a_loop_with_two_ways_in_is_no_loop():
@@ -113,7 +114,7 @@ def graphs(draw, cyclic):
 def judged(graph):
     names, edges, routing, fan_out = graph
     flow = make(names, edges, routing, fan_out)
-    beside = Beside(flow)
+    beside = MayHappenInParallel(flow)
     waits = {
         n: {flow.names[i] for i in range(len(flow.names)) if flow.before.get(flow.index[n], 0) >> i & 1} for n in names
     }
@@ -131,12 +132,12 @@ def test_without_loops_the_analysis_is_exact(graph):
     flow, beside, seen = judged(graph)
     for n, group in pairs_of(graph[0]):
         sure = all(group & done for m, done in seen.finished if m == n)
-        assert not flow.one_surely_before(n, group) or sure, (n, group)
-        event(f"one of two: {'exact' if flow.one_surely_before(n, group) == sure else 'careful'}")
+        assert not MustExecute(flow).one_before(n, group) or sure, (n, group)
+        event(f"one of two: {'exact' if MustExecute(flow).one_before(n, group) == sure else 'careful'}")
     for n in seen.started:
         for o in graph[0]:
             sure = (n, o) not in seen.missing
-            assert flow.surely_before(n, o) == sure, (n, o)
+            assert MustExecute(flow).before(n, o) == sure, (n, o)
             if n != o:
                 assert beside.may_overlap(n, o) == (frozenset((n, o)) in seen.overlaps), (n, o)
     assert {n for n in graph[0] if flow.index[n] in flow.rank} == seen.started
@@ -149,17 +150,17 @@ def test_without_loops_the_analysis_is_exact(graph):
 def test_with_loops_it_never_promises_what_may_not_be(graph):
     flow, beside, seen = judged(graph)
     restarted = [n for n in flow.back if beside.restarted_under(n, frozenset()) is not None]
-    unsound = flow.irreducible or restarted or beside.both_end() or flow.endless
+    unsound = flow.irreducible or restarted or beside.both_end() or MustExecute(flow).endless
     event("refused" if unsound else "loops" if flow.back else "no loops")
     if unsound:
         return
     assert not seen.restarts and not seen.stuck and seen.endings == 1
     for n, group in pairs_of(graph[0]):
-        if flow.one_surely_before(n, group):
+        if MustExecute(flow).one_before(n, group):
             assert all(group & done for m, done in seen.finished if m == n), (n, group)
     for n in seen.started:
         for o in graph[0]:
-            assert not (flow.surely_before(n, o) and (n, o) in seen.missing), (n, o)
+            assert not (MustExecute(flow).before(n, o) and (n, o) in seen.missing), (n, o)
             if n != o:
                 assert beside.may_overlap(n, o) or frozenset((n, o)) not in seen.overlaps, (n, o)
 
@@ -167,6 +168,6 @@ def test_with_loops_it_never_promises_what_may_not_be(graph):
 def test_what_every_way_out_of_a_loop_passes_is_sure_after_it_and_only_there():
     edges = pairs("START>f f>k f>h c>d e>z k>z z>END")
     flow = make("fkhcdez", edges, {"h": {"on": "c", "again": "h"}, "d": {"on": "e", "again": "h"}})
-    assert flow.surely_before("z", "c")
+    assert MustExecute(flow).before("z", "c")
     first = make("hpqc", pairs("START>h p>c q>c"), {"h": {"0": "p", "1": "q"}, "c": {"0": "h", "1": "p"}})
-    assert not first.surely_before("c", "p")
+    assert not MustExecute(first).before("c", "p")
