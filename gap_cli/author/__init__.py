@@ -7,14 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 from gap_cli.author.plans import Plan
 from gap_cli.skills import SkillLibrary
+from gap_runtime.contracts.documents import check_text
 from gap_runtime.contracts.task import Task
 from gap_runtime.contracts.tool import ToolSpec
-from gap_runtime.errors import UnknownNameError
+from gap_runtime.errors import DocumentError, InstructionError, UnknownNameError
 
 if TYPE_CHECKING:
     from gap_cli.author.build import Generated
 
 AUTHORS = ("symbolic",)
+MAX_INSTRUCTION = 2000  # characters; far above any instruction, far below what would take time
 __all__ = ["AUTHORS", "Plan", "generate", "plan"]
 
 
@@ -26,7 +28,18 @@ def plan(
 
     if author not in AUTHORS:
         raise UnknownNameError("author", author, AUTHORS)
-    return plan_symbolically(task, instruction, library, tools)
+    return plan_symbolically(task, read_instruction(instruction), library, tools)
+
+
+def read_instruction(text: str) -> str:
+    """The instruction on one line. Raises `InstructionError` where it is too long or holds what nobody can see."""
+    if len(text) > MAX_INSTRUCTION:
+        long = f"The instruction has {len(text)} characters; at most {MAX_INSTRUCTION} are read."
+        raise InstructionError(long, hint="Give it in several runs.")
+    try:
+        return " ".join(check_text(text, "The instruction").split())
+    except DocumentError as error:
+        raise InstructionError(error.message + ".", hint="Type it again.") from None
 
 
 def generate(

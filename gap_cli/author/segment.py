@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from gap_cli.author.plans import Segment
-from gap_cli.author.render import literal, render_file
+from gap_cli.author.render import identifier, render_file
 from gap_cli.skills import SkillBundle
 from gap_runtime.contracts.documents import read_text
 from gap_runtime.contracts.skill import SkillContract
@@ -24,7 +24,7 @@ def render_subgraph(segment: Segment, bundle: SkillBundle) -> str:
 def render_checkpoint_file(segment: Segment, bundle: SkillBundle, labels: Mapping[str, str]) -> str | None:
     """The checkpoints sidecar of the segment; None for a skill without a checkpoint template.
 
-    A checkpoint template may use segment, skill, object(role) and label(role).
+    A checkpoint template may use segment, skill, object(role), an id to be written inside a predicate, and label(role).
     """
     if bundle.checkpoints is None:
         return None
@@ -35,32 +35,33 @@ def render_checkpoint_file(segment: Segment, bundle: SkillBundle, labels: Mappin
     def label_of(role: str) -> str:
         return _lookup("object", object_of(role), labels)
 
-    return render_file(bundle.checkpoints, segment=segment.name, skill=bundle.name, object=object_of, label=label_of)
+    return render_file(bundle.checkpoints, segment=segment.name, skill=bundle.name,
+                       object=lambda role: identifier(object_of(role)), label=label_of)  # fmt: skip
 
 
 def template_context(segment: Segment, bundle: SkillBundle) -> dict[str, Any]:
-    """What a subgraph template may use.
+    """What a subgraph template may use. Names it may join to other text; the rest is written as Python values.
 
     segment, skill, description    the subgraph's name, its skill, and what it is for
     inputs                         spelled name -> type, in the contract's order: declare each with add_input
-    input(name), output(name)      how this segment spells a name of the contract (`<name>_obb` -> `target_obb`)
+    input(name), output(name)      how this segment spells a name of the contract (`<name>_obb` -> `target_obb`): a name
     has_input(name)                whether an optional input is connected
-    literal(name)                  a literal of the contract, already written as Python
-    script(name)                   the path of a canonical script, already written as Python
-    prompt(name)                   the text of a prompt file, already written as Python
+    literal(name)                  a literal of the contract
+    script(name)                   the path of a canonical script
+    prompt(name)                   the text of a prompt file
     exits, on_error                success exits and the failure exit
     """
     contract = bundle.contract
 
     def spelled(kind: str, name: str, known: dict[str, str]) -> str:
-        return substitute(_lookup(kind, name, {n: n for n in known}), segment.names)
+        return identifier(substitute(_lookup(kind, name, {n: n for n in known}), segment.names))
 
     def script(name: str) -> str:
-        return literal(script_path(segment.name, _lookup("script", name, contract.scripts)))
+        return script_path(segment.name, _lookup("script", name, contract.scripts))
 
     def prompt(name: str) -> str:
         _lookup("prompt", name, contract.prompts)
-        return literal(read_text(bundle.prompts[name]).strip())
+        return read_text(bundle.prompts[name]).strip()
 
     return {
         "segment": segment.name,
@@ -83,11 +84,11 @@ def script_path(segment: str, file: str) -> str:
     return f"scripts/{segment}/{file.rpartition('/')[2]}"
 
 
-def _literal(segment: Segment, contract: SkillContract, name: str) -> str:
+def _literal(segment: Segment, contract: SkillContract, name: str) -> Any:
     _lookup("literal", name, contract.literals)
     if name not in segment.literals:
         raise GapError(f"Segment {segment.name!r} gives no {name!r}, a literal of skill {segment.skill!r}.")
-    return literal(segment.literals[name])
+    return segment.literals[name]
 
 
 def _lookup(kind: str, name: str, known: Mapping[str, str]) -> str:

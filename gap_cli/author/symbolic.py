@@ -36,7 +36,7 @@ def plan_symbolically(task: Task, instruction: str, library: SkillLibrary, tools
     content = PlanData(
         task=task.name,
         variant=task.variant,
-        instruction=" ".join(instruction.split()),
+        instruction=instruction,
         author="symbolic",
         scene=scene,
         goals=[PlannedGoal(fact=g.fact, target=g.target, container=g.container) for g in goals],

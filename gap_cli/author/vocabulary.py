@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from gap_cli.author.lexicon import MARKS, PHRASES, Kind
 from gap_runtime.contracts.task import Task
 
-MAX_LENGTH = 2000  # characters; far above any instruction, far below what would take time
 _TOKEN = re.compile(r"[\w]+|[^\w\s]")
 Phrase = tuple[str, ...]
 
@@ -82,6 +81,6 @@ class Vocabulary:
 
 def tokens(text: str) -> Phrase:
     """Lower-case words and marks; hyphens, underscores and apostrophes separate, quotation marks vanish."""
-    plain = unicodedata.normalize("NFKC", text[:MAX_LENGTH]).casefold()
+    plain = unicodedata.normalize("NFKC", text).casefold()
     plain = re.sub(r"[-_'’/]", " ", plain)
     return tuple(_TOKEN.findall(re.sub(r"[\"“”‘`«»()\[\]]", " ", plain)))

@@ -52,8 +52,8 @@ def test_check_passes_a_good_skill_and_fails_a_bad_one(tmp_path):
 @pytest.mark.parametrize(
     ("file", "old", "new", "says"),
     [
-        ("templates/subgraph.py.j2", "{{ on_error | py }}", "{{ on_eror | py }}", "on_eror"),
-        ("templates/subgraph.py.j2", "{{ on_error | py }}", "{% if %}", "is not a template"),
+        ("templates/subgraph.py.j2", "{{ on_error }}", "{{ on_eror }}", "on_eror"),
+        ("templates/subgraph.py.j2", "{{ on_error }}", "{% if %}", "is not a template"),
         ("templates/subgraph.py.j2", "from gap_cli.builder.workflow", "import os\nfrom gap_cli.builder.workflow", "os"),
         ("scripts/perceive_dino_vlm.py", "object_name: str", "object_name", "has no type"),
         ("scripts/perceive_dino_vlm.py", '"vlm.Query"', '"vlm.QueryYesNo"', "does not list"),
