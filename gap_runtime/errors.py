@@ -34,6 +34,7 @@ from gap_runtime.contracts.failures import (
     DocumentError,
     GapError,
     GraspError,
+    InstructionError,
     MotionError,
     PerceptionError,
     PlanningError,
@@ -98,10 +99,6 @@ class ExecutionError(GapError):
     def __init__(self, message: str, causes: Sequence[BaseException], *, hint: str = "") -> None:
         self.causes = tuple(causes)
         super().__init__(message, hint=hint)
-
-
-class InstructionError(GapError):
-    """An instruction the author cannot serve; it says what was not understood and what the task offers."""
 
 
 class SandboxError(GapError):

@@ -45,7 +45,7 @@ def gap_register_tasks(register: Register) -> None:
 
 @hookspec
 def gap_register_authors(register: Register) -> None:
-    """register(name, factory): factory(**options) -> Author, who writes plans and subgraphs."""
+    """register(name, factory): factory() -> `contracts.author.Author`, chosen with `gap plan --author NAME`."""
 
 
 @hookspec

@@ -31,6 +31,7 @@ FIRST_PARTY = (
     "gap_grasps",
     "gap_hf",
     "gap_tasks",
+    "gap_cli.author",
     "gap_cli.bench",
     "morsl",
 )

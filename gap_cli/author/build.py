@@ -17,7 +17,7 @@ from gap_runtime.contracts.documents import read_text
 from gap_runtime.contracts.task import Task
 from gap_runtime.contracts.tool import ToolSpec
 from gap_runtime.errors import RunError, WorkflowError
-from gap_runtime.graph.checkpoints import parse_checkpoints
+from gap_runtime.graph.checkpoints import Checkpoint, parse_checkpoints, render_checkpoints
 from gap_runtime.graph.findings import Finding
 from gap_runtime.graph.model import Workflow
 from gap_runtime.graph.scripts import read_signature
@@ -36,21 +36,21 @@ class Generated:
 
 
 def build(
-    plan: Plan | Mapping[str, Any],
+    plan: Plan,
     task: Task,
     library: SkillLibrary,
     tools: Mapping[str, ToolSpec],
     *,
+    written: Mapping[str, str] | None = None,
     unsafe: bool = False,
 ) -> Generated:
-    """Write, run, join and judge the graph of a plan.
+    """Write, run, join and judge the graph of a plan; `written` is an author's own builder code by segment.
 
     Raises `WorkflowError` with all findings when the validator refuses it, `SandboxError` when builder code breaks the
     rules, `DocumentError` for a skill's template that cannot be rendered.
     """
-    plan = plan if isinstance(plan, Plan) else Plan.load(plan)
     labels = {name: model.label for name, model in task.objects.items()}
-    made = draft(plan, labels, library, tools, joints=frozenset(task.joints), unsafe=unsafe)
+    made = draft(plan, labels, library, tools, joints=frozenset(task.joints), written=written, unsafe=unsafe)
     errors = [f for f in made.findings if f.severity == "error"]
     if errors:
         raise WorkflowError(errors, what="The generated workflow")
@@ -64,17 +64,18 @@ def draft(
     tools: Mapping[str, ToolSpec],
     *,
     joints: frozenset[str] = frozenset(),
+    written: Mapping[str, str] | None = None,
     unsafe: bool = False,
 ) -> Generated:
     """The graph of a plan with every finding, good or bad. `labels` names the objects checkpoints may speak of."""
     spec = run_builder(plan.source, unsafe=unsafe, expect="spec")
     segments = _segments(plan, spec)
-    sources = {s.name: render_subgraph(s, library.find(s.skill)) for s in segments}
+    sources = {s.name: (written or {}).get(s.name) or render_subgraph(s, library.find(s.skill)) for s in segments}
     built = {name: run_builder(source, unsafe=unsafe, expect="sg") for name, source in sources.items()}
     workflow = assemble(spec, built)
     scripts = _scripts(segments, workflow, library)
     files = {s.name: render_checkpoint_file(s, library.find(s.skill), labels) for s in segments}
-    checkpoints = {name: text for name, text in files.items() if text is not None}
+    checkpoints = {name: text for name, text in files.items() if text is not None} | _own_checkpoints(built)
     catalog = Catalog(
         tools,
         library.contracts,
@@ -98,6 +99,12 @@ def _segments(plan: Plan, spec: Mapping[str, Any]) -> list[Segment]:
             f"Segment {strange[0]!r} is only in plan/{where}.", hint="Run gap plan again, or edit both files alike."
         )
     return [by_name[name] for name in declared]
+
+
+def _own_checkpoints(built: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+    """The checkpoint files of subgraphs whose builder code adds checkpoints itself, instead of the skill's."""
+    points = {name: [Checkpoint.of(p, f"checkpoints of {name}") for p in b["checkpoints"]] for name, b in built.items()}
+    return {name: render_checkpoints(given) for name, given in points.items() if given}
 
 
 def _scripts(segments: list[Segment], workflow: Workflow, library: SkillLibrary) -> dict[str, str]:

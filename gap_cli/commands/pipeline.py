@@ -32,7 +32,9 @@ def plan_run(root: Path, asked: Asked) -> Run:
     started = time.monotonic()
     inventory = Inventory.of(asked)
     asked = asked.model_copy(update={"variant": inventory.task.variant})
-    made = plan(inventory.task, asked.instruction, inventory.library, inventory.tools, author=asked.author)
+    made = plan(
+        inventory.task, asked.instruction, inventory.library, inventory.tools, inventory.registry.authors, asked.author
+    )
     run = Run.create(root, asked)
     with run.held():
         files = {"spec.py": made.source, "plan.md": made.markdown, "plan.json": json_text(made.data)}
@@ -44,7 +46,8 @@ def plan_run(root: Path, asked: Asked) -> Run:
 
 def generate_run(run: Run, *, unsafe: bool = False) -> dict[str, Any]:
     """Write the graph the plan describes; returns what it holds. Raises `WorkflowError`, `SandboxError`, `RunError`."""
-    from gap_cli.author import Plan, generate
+    from gap_cli.author import generate
+    from gap_cli.author.plans import Plan
     from gap_runtime.graph.dump import dump_workflow
 
     started = time.monotonic()
@@ -52,7 +55,8 @@ def generate_run(run: Run, *, unsafe: bool = False) -> dict[str, Any]:
         file = product(run, "plan")
         plan = Plan.load(read_json(file), str(file), read_text(file.with_name("spec.py")))
         inventory = Inventory.of(run.asked)
-        made = generate(plan, inventory.task, inventory.library, inventory.tools, unsafe=unsafe)
+        authors = inventory.registry.authors
+        made = generate(plan, inventory.task, inventory.library, inventory.tools, authors, unsafe=unsafe)
         workflow = dump_workflow(made.workflow)
         files = {"workflow.json": json_text(workflow)}
         files |= {f"subgraphs/{name}.py": text for name, text in made.sources.items()}

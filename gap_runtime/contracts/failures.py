@@ -62,6 +62,10 @@ class DocumentError(GapError):
         super().__init__(f"{where}: {problem}", hint=hint)
 
 
+class InstructionError(GapError):
+    """An instruction an author cannot serve; it says what was not understood and what the task offers."""
+
+
 class ToolError(GapError):
     """A tool could not do what was asked of the robot or its sensors.
 

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from gap_cli import author
-from gap_cli.author import Plan
+from gap_cli.author.plans import Plan
 from gap_cli.skills import load_bundle, load_library
 from gap_cli.skills.library import SkillLibrary
 from gap_runtime.contracts.task import load_task

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import sys
 from dataclasses import dataclass
 
@@ -55,3 +56,30 @@ def logs(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     assert error_handler.state_folders()[0] == tmp_path / "state" / "gap"
     return tmp_path / "state" / "gap"
+
+
+@pytest.fixture
+def install(tmp_path_factory, monkeypatch):
+    """`install(name, source)`: a plugin of one module, installed here and in every process started from here."""
+    site = tmp_path_factory.mktemp("site")
+    inherited = [p for p in os.environ.get("PYTHONPATH", "").split(os.pathsep) if p]
+    monkeypatch.syspath_prepend(str(site))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(site), *inherited]))
+    installed = []
+
+    def make(name, source):
+        installed.append(name)
+        sys.modules.pop(name, None)
+        files = {
+            f"{name}.py": source,
+            f"{name}-1.dist-info/METADATA": f"Metadata-Version: 2.1\nName: {name}\nVersion: 1\n",
+            f"{name}-1.dist-info/entry_points.txt": f"[gap]\n{name} = {name}\n",
+        }
+        for file, text in files.items():
+            (site / file).parent.mkdir(parents=True, exist_ok=True)
+            (site / file).write_text(text)
+        return site
+
+    yield make
+    for name in installed:
+        sys.modules.pop(name, None)

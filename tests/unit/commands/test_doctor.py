@@ -22,20 +22,9 @@ def gap_register_checks(register):
 
 
 @pytest.fixture
-def painter(tmp_path, monkeypatch):
-    import os
-    import sys
-
-    site = tmp_path / "site"
-    (site / "painter-1.dist-info").mkdir(parents=True)
-    (site / "painter.py").write_text(PLUGIN)
-    (site / "painter-1.dist-info/METADATA").write_text("Metadata-Version: 2.1\nName: painter\nVersion: 1\n")
-    (site / "painter-1.dist-info/entry_points.txt").write_text("[gap]\npainter = painter\n")
-    monkeypatch.syspath_prepend(str(site))
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(site), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep))
+def painter(install, monkeypatch):
     monkeypatch.setattr(checks, "LIMIT_S", 8.0)
-    yield
-    sys.modules.pop("painter", None)
+    return install("painter", PLUGIN)
 
 
 def test_a_check_of_a_plugin_may_fail_crash_or_hang(painter):
