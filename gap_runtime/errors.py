@@ -26,7 +26,8 @@ GapError                      root; exit code 1 unless said otherwise (contracts
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
 
 from gap_runtime.contracts.failures import (
     BadRequestError,
@@ -46,15 +47,13 @@ from gap_runtime.contracts.failures import (
     did_you_mean,
 )
 
-if TYPE_CHECKING:
-    from gap_runtime.graph.findings import Finding
-
 __all__ = [
     "BadRequestError",
     "CancelledError",
     "DocumentError",
     "EnvironmentSetupError",
     "ExecutionError",
+    "Finding",
     "GapError",
     "GraspError",
     "InstructionError",
@@ -81,6 +80,23 @@ class PluginError(GapError):
 
 class RunError(GapError):
     """A run folder that is missing, in use by another process, or not at this stage yet."""
+
+
+@dataclass(frozen=True, order=True)
+class Finding:
+    """One problem. `path` is where in the workflow (`subgraphs.grasp_sg.nodes.close.inputs.arm_id`); `line` is the
+    line of builder code that wrote it, where there is one. An `error` stops the workflow; a `note` does not."""
+
+    path: str
+    code: str
+    message: str
+    hint: str = ""
+    severity: Literal["error", "note"] = "error"
+    line: int | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data, None left out."""
+        return {k: v for k, v in asdict(self).items() if v not in (None, "")}
 
 
 class WorkflowError(GapError):

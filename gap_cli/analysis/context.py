@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import cached_property
 
-from gap_cli.analysis.catalog import Catalog, Signature
+from gap_cli.analysis.catalog import Catalog, Signature, contract_names, infer_names
 from gap_cli.analysis.concurrency import MayHappenInParallel
 from gap_cli.analysis.exit_flow import ExitFlowGraph
 from gap_cli.analysis.must_execute import MustExecute
 from gap_cli.analysis.value_types import ANY, StaticType, output_type
 from gap_runtime.contracts.skill import SkillContract
 from gap_runtime.contracts.types.typeref import TypeRef
+from gap_runtime.errors import Finding
 from gap_runtime.graph.control_flow import ControlFlowGraph
-from gap_runtime.graph.findings import Finding
 from gap_runtime.graph.model import Node, SubgraphDef, Workflow
-from gap_runtime.graph.names import contract_names, infer_names
-from gap_runtime.graph.walks import references_in
+from gap_runtime.graph.references import references_in
 
 
 class SubgraphContext:

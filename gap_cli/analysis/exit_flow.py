@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
+from itertools import permutations
 
 from gap_cli.analysis.concurrency import MayHappenInParallel
 from gap_cli.analysis.must_execute import MustExecute, bits
 from gap_runtime.graph.control_flow import ControlFlowGraph
 from gap_runtime.graph.model import START, Routing, SubgraphDef, Workflow
 
+Link = tuple[str, str]
 Exit = tuple[str, str]  # the subgraph node, and the value it ended with
 
 
@@ -29,7 +31,7 @@ class ExitFlowGraph:
         routing: dict[str, Routing] = {}
         for node, definition in _subgraphs(workflow):
             kept = {}
-            for value, targets in self._targets(node, definition).items():
+            for value, targets in exit_targets(workflow, node, definition).items():
                 if targets and not failures & set(targets):
                     name = kept[value] = f"{node}\0{value}"
                     self.exits[name] = (node, value)
@@ -38,16 +40,6 @@ class ExitFlowGraph:
                 routing[node] = Routing(router_field="exit", mapping=kept)
         names = [n for n in workflow.nodes if n not in failures]
         self.flow = ControlFlowGraph([*names, *self.exits], edges, routing)
-
-    def _targets(self, node: str, definition: SubgraphDef) -> dict[str, list[str]]:
-        """Where each exit leads."""
-        plain = [b for a, b in self.workflow.edges if a == node]
-        routes = self.workflow.conditional_edges.get(node)
-        mapping = routes.mapping if routes is not None else {}
-        found = {value: [target] for value, target in mapping.items()}
-        for value in definition.exit.success_values:
-            found[value] = [*found.get(value, ()), *plain]
-        return found
 
     @cached_property
     def must(self) -> MustExecute:
@@ -87,8 +79,43 @@ class ExitFlowGraph:
                     yield one, other
 
 
+def exit_targets(workflow: Workflow, node: str, definition: SubgraphDef) -> dict[str, list[str]]:
+    """Where each exit of a subgraph node leads: by the conditional edges, a success also along every plain edge."""
+    plain = [b for a, b in workflow.edges if a == node]
+    routes = workflow.conditional_edges.get(node)
+    found = {value: [target] for value, target in routes.mapping.items()} if routes is not None else {}
+    for value in definition.exit.success_values:
+        found[value] = [*found.get(value, ()), *plain]
+    return found
+
+
 def _subgraphs(workflow: Workflow) -> Iterator[tuple[str, SubgraphDef]]:
     for name, node in workflow.nodes.items():
         definition = workflow.subgraphs.get(node.ref or "")
         if node.type == "subgraph" and definition is not None:
             yield name, definition
+
+
+def top_links(workflow: Workflow) -> dict[Link, list[str]]:
+    """Every link with its exits, plain edges first; a plain edge from a subgraph is for any success."""
+    found: dict[Link, list[str]] = {}
+    for a, b in workflow.edges:
+        node = workflow.nodes.get(a)
+        definition = workflow.subgraphs.get(node.ref or "") if node is not None else None
+        found.setdefault((a, b), []).extend(definition.exit.success_values if definition is not None else ())
+    for a, routing in workflow.conditional_edges.items():
+        for value, b in routing.mapping.items():
+            exits = found.setdefault((a, b), [])
+            exits += [value] if value not in exits else []
+    return found
+
+
+def side_by_side(workflow: Workflow) -> dict[str, list[str]]:
+    """For each subgraph node those that may run at the same time, where there are any."""
+    exit_flow = ExitFlowGraph(workflow)
+    nodes = [n for n, node in workflow.nodes.items() if node.type == "subgraph"] if exit_flow.forks else []
+    found: dict[str, list[str]] = {}
+    for one, other in permutations(nodes, 2):
+        if exit_flow.parallel.may_overlap(one, other):
+            found.setdefault(one, []).append(other)
+    return found

@@ -14,7 +14,7 @@ from gap_runtime.contracts.failures import BadRequestError, did_you_mean
 from gap_runtime.contracts.skill import Parameter
 from gap_runtime.contracts.types import CONTRACT_TYPES
 from gap_runtime.contracts.types.typeref import TypeRef
-from gap_runtime.graph.references import KEY
+from gap_runtime.graph.references import is_reference, references_in
 
 field_types = lru_cache(maxsize=256)(tool.field_types)
 ANY = TypeRef("any")
@@ -97,16 +97,9 @@ def unit_of(name: str) -> str:
     return _UNITS.get(name.rpartition("_")[2], "") if "_" in name else ""
 
 
-def is_ref(value: Any) -> bool:
-    """True for data that means a reference, well-formed or not."""
-    return isinstance(value, Mapping) and KEY in value
-
-
 def has_ref(value: Any) -> bool:
     """True when a reference is anywhere inside."""
-    if isinstance(value, Mapping):
-        return KEY in value or any(has_ref(v) for v in value.values())
-    return isinstance(value, list) and any(has_ref(v) for v in value)
+    return any(True for _ in references_in(value))
 
 
 @dataclass(frozen=True)
@@ -125,7 +118,7 @@ class InputSlot:
 
 def input_slots(value: Any, type_: TypeRef, path: str, unit: str = "") -> Iterator[InputSlot]:
     """Split data into references and literals, each with the type its place asks for."""
-    if is_ref(value) or not has_ref(value):
+    if is_reference(value) or not has_ref(value):
         yield InputSlot(path, type_, value, unit)
     elif isinstance(value, list):
         item = replace(type_, is_list=False, optional=False) if type_.is_list else ANY

@@ -16,9 +16,8 @@ from gap_cli.validate.validator import validate
 from gap_runtime.contracts.documents import read_text
 from gap_runtime.contracts.task import Task
 from gap_runtime.contracts.tool import ToolSpec
-from gap_runtime.errors import RunError, WorkflowError
+from gap_runtime.errors import Finding, RunError, WorkflowError
 from gap_runtime.graph.checkpoints import Checkpoint, parse_checkpoints, render_checkpoints
-from gap_runtime.graph.findings import Finding
 from gap_runtime.graph.model import Workflow
 from gap_runtime.graph.scripts import read_signature
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from gap_cli.analysis.catalog import SLOT, substitute
 from gap_cli.author.regress import supplier
 from gap_cli.author.steps import SLOT_ROLE, Step, split_name
 from gap_runtime.contracts.skill import SkillContract
-from gap_runtime.graph.names import SLOT, substitute
 
 VERBS = {"perceive": "perceive", "grasp": "grasp", "transport": "transport", "place": "place", "operate": "operate"}
 

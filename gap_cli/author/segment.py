@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from gap_cli.analysis.catalog import substitute
 from gap_cli.author.plans import Segment
 from gap_cli.author.render import identifier, render_file
 from gap_cli.skills import SkillBundle
 from gap_runtime.contracts.documents import read_text
 from gap_runtime.contracts.skill import SkillContract
 from gap_runtime.errors import DocumentError, GapError, UnknownNameError
-from gap_runtime.graph.names import substitute
 
 
 def render_subgraph(segment: Segment, bundle: SkillBundle) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from gap_cli.analysis.catalog import SLOT, contract_names
 from gap_cli.author.build import Generated, draft
 from gap_cli.author.plans import Plan, PlanData, Segment
 from gap_cli.author.steps import literal_source
@@ -14,10 +15,8 @@ from gap_runtime.contracts.cell import Cell
 from gap_runtime.contracts.documents import read_text
 from gap_runtime.contracts.skill import NAME_SLOT, SkillContract
 from gap_runtime.contracts.tool import Tool, ToolSpec
-from gap_runtime.errors import GapError, WorkflowError, did_you_mean
+from gap_runtime.errors import Finding, GapError, WorkflowError, did_you_mean
 from gap_runtime.graph.compile import compile_workflow
-from gap_runtime.graph.findings import Finding
-from gap_runtime.graph.names import SLOT, contract_names
 from gap_runtime.graph.scripts import read_signature
 from gap_runtime.run.execute import RunResult, RunSetup, run_graph
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from gap_cli.analysis.catalog import contract_names
 from gap_cli.author.goals import Goal, refuse
 from gap_cli.author.grammar import parse_instruction
 from gap_cli.author.naming import Named, name_steps
@@ -14,7 +15,6 @@ from gap_cli.author.steps import Repertoire, Step, literal_source
 from gap_cli.skills import SkillLibrary
 from gap_runtime.contracts.task import Task
 from gap_runtime.contracts.tool import ToolSpec
-from gap_runtime.graph.names import contract_names
 
 RECOVERY = ("gripper.Open", "robot_control.GoHome")  # let go, then get out of the way
 _SAY = {"perceive": "Locate", "grasp": "Grasp", "transport": "Carry", "place": "Place", "operate": "Operate"}

@@ -6,8 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from gap_runtime.contracts.models import Document
-from gap_runtime.errors import WorkflowError, did_you_mean
-from gap_runtime.graph.findings import Finding
+from gap_runtime.errors import Finding, WorkflowError, did_you_mean
 from gap_runtime.graph.load import check_values, parse_workflow
 from gap_runtime.graph.model import SubgraphDef, Workflow
 

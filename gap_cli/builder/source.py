@@ -7,12 +7,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from gap_cli.analysis.catalog import contract_names, infer_names
 from gap_runtime.contracts.documents import read_text
 from gap_runtime.contracts.skill import SkillContract
 from gap_runtime.errors import GapError
 from gap_runtime.graph.checkpoints import Checkpoint
 from gap_runtime.graph.model import END, START, Edge, Routing, SubgraphDef, Workflow
-from gap_runtime.graph.names import contract_names, infer_names
 from gap_runtime.graph.references import KEY
 
 _SG_HEAD = "from vos.builder import END, START, Ref, Subgraph\n"

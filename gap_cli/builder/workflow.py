@@ -10,7 +10,7 @@ from gap_cli.builder.assemble import assemble
 from gap_cli.builder.lambdas import expression_of
 from gap_cli.builder.recorder import Recorder, Ref, mapping_of, plain, text
 from gap_runtime.contracts.failures import DocumentError
-from gap_runtime.graph.migrate import RETIRED, flat_name, migration
+from gap_runtime.graph.load import RETIRED, flat_name, migration
 from gap_runtime.graph.model import END, START, VERSION
 
 __all__ = ["END", "START", "Ref", "ServiceCall", "Subgraph", "WorkflowSpec", "assemble"]

@@ -14,8 +14,7 @@ from gap_cli.workspace.run import Run
 from gap_cli.workspace.run_config import Asked
 from gap_cli.workspace.stages import digest, product, write_stage
 from gap_runtime.contracts.documents import read_json, read_text
-from gap_runtime.errors import WorkflowError
-from gap_runtime.graph.findings import Finding
+from gap_runtime.errors import Finding, WorkflowError
 
 FINDINGS = "gap/findings/v1"
 

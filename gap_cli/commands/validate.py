@@ -10,7 +10,7 @@ import typer
 from gap_cli.commands.common import RUNS, AsJson, Root, RunName, print_done, print_json, print_table, run_argument
 
 if TYPE_CHECKING:
-    from gap_runtime.graph.findings import Finding
+    from gap_runtime.errors import Finding
 
 
 def validate(run: RunName = None, root: Root = RUNS, json: AsJson = False) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gap_cli.rehearse.prepare import Prepared, prepare, require_valid
-from gap_cli.render.trace import STAGE, TRACE, Tracer
+from gap_cli.render.timeline import STAGE, TRACE, Tracer
 from gap_cli.workspace.canonical import json_text, jsonl_text
 from gap_cli.workspace.metadata import note
 from gap_cli.workspace.run import Run

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 
+from gap_cli.analysis.exit_flow import top_links
 from gap_cli.render.layout import Drawing, Link, Placed, Point, lay_out
-from gap_cli.render.links import top_links
 from gap_cli.render.tree import what
 from gap_runtime.graph.model import END, START, Node, Routing, SubgraphDef, Workflow
 

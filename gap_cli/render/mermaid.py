@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from gap_cli.render.links import top_links
+from gap_cli.analysis.exit_flow import top_links
 from gap_runtime.graph.model import END, START, Node, SubgraphDef, Workflow
 
 SHAPES = {"noop": ('(["', '"])'), "router": ('{"', '"}'), "end": ('(("', '"))')}

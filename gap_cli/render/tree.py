@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from rich.markup import escape
 from rich.tree import Tree
 
-from gap_cli.render.links import side_by_side, top_links
+from gap_cli.analysis.exit_flow import exit_targets, side_by_side
 from gap_cli.render.timeline import RunTimeline, Visit
 from gap_runtime.graph.model import END, START, Node, SubgraphDef, Workflow
 
@@ -18,7 +18,7 @@ def tree(workflow: Workflow, timeline: RunTimeline | None = None) -> Tree:
     """Subgraphs in the order control reaches them, their nodes below, exits and where they lead at the end."""
     root = Tree(f"[bold]{escape(workflow.meta.get('name', 'workflow'))}[/]")
     visits = {} if timeline is None else timeline.latest
-    beside, exits_of = side_by_side(workflow), _exits(workflow)
+    beside = side_by_side(workflow)
     for name in reading_order(list(workflow.nodes), _links(workflow.edges, workflow.conditional_edges)):
         node = workflow.nodes[name]
         definition = workflow.subgraphs.get(node.ref or "")
@@ -31,18 +31,9 @@ def tree(workflow: Workflow, timeline: RunTimeline | None = None) -> Tree:
         others = f", beside {escape(', '.join(beside[name]))}" if name in beside else ""
         branch = root.add(f"[bold cyan]{escape(name)}[/] [dim]{escape(definition.skill)}{others}[/]{took}")
         _nodes(branch, name, definition, visits)
-        for value, targets in exits_of.get(name, {}).items():
+        for value, targets in exit_targets(workflow, name, definition).items():
             branch.add(f"[dim]{escape(value)} -> {escape(' and '.join(targets))}[/]")
     return root
-
-
-def _exits(workflow: Workflow) -> dict[str, dict[str, list[str]]]:
-    """For each top-level node its exits, and all that each leads to."""
-    found: dict[str, dict[str, list[str]]] = {}
-    for (source, target), values in top_links(workflow).items():
-        for value in values:
-            found.setdefault(source, {}).setdefault(value, []).append(target)
-    return found
 
 
 def reading_order(names: list[str], links: Mapping[str, list[str]]) -> list[str]:

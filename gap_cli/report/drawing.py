@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from html import escape
 from typing import Any
 
+from gap_cli.analysis.exit_flow import top_links
 from gap_cli.render.layout import Drawing, Placed, Point, lay_out
-from gap_cli.render.links import top_links
 from gap_runtime.graph.model import START, Node, Workflow
 
 CHAR, LINE = 7.4, 17.0  # px: of the monospace text inside a box

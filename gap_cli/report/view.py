@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from gap_cli.render.mermaid import mermaid
 from gap_cli.render.page import page
-from gap_cli.render.timeline import RunTimeline, read_timeline
-from gap_cli.render.trace import STAGE, TRACE
+from gap_cli.render.timeline import STAGE, TRACE, RunTimeline, read_timeline
 from gap_cli.workspace.canonical import write_text
 from gap_cli.workspace.run import Run
 from gap_cli.workspace.stages import product

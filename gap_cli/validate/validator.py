@@ -7,26 +7,23 @@ from dataclasses import replace
 
 from gap_cli.analysis.catalog import Catalog
 from gap_cli.analysis.context import WorkflowContext
-from gap_cli.validate.rules import checkpoints as promises
 from gap_cli.validate.rules import (
+    checkpoints,
     data,
     dataflow,
     exits,
-    parallel,
+    node_keys,
     privilege,
     resources,
-    routing,
     skills,
     structure,
     topology,
 )
-from gap_cli.validate.rules import node_keys as kinds
-from gap_runtime.errors import WorkflowError
-from gap_runtime.graph.findings import Finding
+from gap_runtime.errors import Finding, WorkflowError
 from gap_runtime.graph.model import Workflow
 
-_FAMILIES = (structure, exits, kinds, dataflow, data, routing, resources, privilege, skills, promises)
-_TOP_FAMILIES = (kinds, topology, dataflow, parallel, privilege, skills)
+_FAMILIES = (structure, exits, node_keys, dataflow, data, resources, privilege, skills, checkpoints)
+_TOP_FAMILIES = (node_keys, topology, dataflow, resources, privilege, skills)
 
 
 def validate(workflow: Workflow, catalog: Catalog, lines: Mapping[str, int] | None = None) -> list[Finding]:
@@ -35,7 +32,7 @@ def validate(workflow: Workflow, catalog: Catalog, lines: Mapping[str, int] | No
     `lines` maps paths to lines of builder code (see `assemble.assembled_lines`); a finding takes the line of the
     nearest path above it.
     """
-    findings = kinds.w6_size(workflow)
+    findings = node_keys.w6_size(workflow)
     if findings:
         return findings
     context = WorkflowContext(workflow, catalog)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from gap_runtime.contracts.failures import BadRequestError, UnknownNameError
 from gap_runtime.graph.compiled import UNSET, Reader
-from gap_runtime.graph.references import STREAM, Reference, is_reference, references, walk
+from gap_runtime.graph.references import STREAM, Reference, is_reference, references_in, walk
 from gap_runtime.graph.values import copy_containers
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ class ReferenceScope:
 
 def is_constant(data: Any) -> bool:
     """True when `data` reads nothing that is only known at run time."""
-    return all(r.source == "param" for r in references(data))
+    return all(r is not None and r.source == "param" for _, r in references_in(data))
 
 
 def constant(data: Any, scope: ReferenceScope, where: str) -> Any:

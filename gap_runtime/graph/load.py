@@ -11,15 +11,14 @@ from pydantic import ValidationError
 
 from gap_runtime.contracts.documents import read_json
 from gap_runtime.contracts.models import fields_at
-from gap_runtime.errors import DocumentError, WorkflowError, did_you_mean
-from gap_runtime.graph.findings import Finding
-from gap_runtime.graph.migrate import RETIRED, flat_name, migration
+from gap_runtime.errors import DocumentError, Finding, WorkflowError, did_you_mean
 from gap_runtime.graph.model import Workflow
 
 MAX_DEPTH = 64
 MAX_VALUES = 2_000_000
 MAX_SHAPE_FINDINGS = 200
 SHAPE, NODE_KIND = "W1", "W2"
+RETIRED = ("service", "skill", "policy")  # types of node that older graphs wrote
 
 
 def load_workflow(path: Path) -> Workflow:
@@ -94,6 +93,24 @@ def _retired_in(graph: Mapping[str, Any], prefix: str) -> tuple[list[Finding], M
         **graph,
         "nodes": {n: {"type": "noop"} if n in old else d for n, d in nodes.items()},
     } if old else graph
+
+
+def flat_name(service: str, method: str) -> str:
+    """`gripper.v1.Gripper` and `Open` as the flat tool name `gripper.Open`."""
+    return f"{service.partition('.')[0]}.{method}"
+
+
+def migration(kind: str, keys: Mapping[str, Any]) -> str:
+    """What replaces a node of a retired type: the exact keys, as builder code."""
+    if kind == "service":
+        service, method = keys.get("service"), keys.get("method")
+        known = isinstance(service, str) and isinstance(method, str)
+        tool = flat_name(str(service), str(method)) if known else "<service>.<Method>"
+        drop = "service and method"
+    else:
+        tool = next((v for k in (kind, "name", "tool") if isinstance(v := keys.get(k), str)), f"<{kind} name>")
+        drop = kind
+    return f'Write type="tool", tool="{tool}" and keep inputs; drop {drop}.'
 
 
 def _flat_recoveries(data: Mapping[str, Any]) -> Mapping[str, Any]:

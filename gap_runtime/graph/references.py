@@ -43,16 +43,24 @@ def is_reference(data: Any) -> bool:
     return isinstance(data, Mapping) and KEY in data
 
 
-def references(data: Any) -> Iterator[Reference]:
-    """Every reference below `data`, in order. Raises ValueError on one that is malformed."""
-    if is_reference(data):
-        yield Reference.parse(data[KEY])
-    elif isinstance(data, Mapping):
-        for value in data.values():
-            yield from references(value)
-    elif isinstance(data, list):
-        for value in data:
-            yield from references(value)
+def references_in(value: Any, path: str = "") -> Iterator[tuple[str, Reference | None]]:
+    """Every reference below `value` with its path, in order; None for one that is malformed."""
+    if is_reference(value):
+        yield path, parse_reference(value)
+    elif isinstance(value, Mapping):
+        for name, part in value.items():
+            yield from references_in(part, f"{path}.{name}")
+    elif isinstance(value, list):
+        for i, part in enumerate(value):
+            yield from references_in(part, f"{path}.{i}")
+
+
+def parse_reference(value: Mapping[str, Any]) -> Reference | None:
+    """The reference that `{"$ref": ...}` means, or None."""
+    try:
+        return Reference.parse(value[KEY]) if set(value) == {KEY} else None
+    except ValueError:
+        return None
 
 
 def walk(value: Any, fields: Sequence[str], where: str) -> Any:

@@ -6,9 +6,8 @@ from collections.abc import Iterator
 
 from gap_cli.analysis.context import SubgraphContext
 from gap_runtime.contracts.predicates import Checked, check_expression
-from gap_runtime.errors import did_you_mean
+from gap_runtime.errors import Finding, did_you_mean
 from gap_runtime.graph.checkpoints import MAX_CHECKPOINTS, Checkpoint
-from gap_runtime.graph.findings import Finding
 
 
 def k8_k9_number(sg: SubgraphContext) -> Iterator[Finding]:

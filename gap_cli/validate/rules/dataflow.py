@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import combinations
 
+from gap_cli.analysis.catalog import SLOT
 from gap_cli.analysis.context import SubgraphContext, WorkflowContext
 from gap_runtime.contracts.skill import NAME_SLOT
 from gap_runtime.contracts.types.typeref import TypeRef
-from gap_runtime.errors import did_you_mean
-from gap_runtime.graph.findings import Finding
-from gap_runtime.graph.names import SLOT
+from gap_runtime.errors import Finding, did_you_mean
 
 
 def w11_contract(sg: SubgraphContext) -> Iterator[Finding]:

@@ -6,10 +6,8 @@ from collections.abc import Iterator
 
 from gap_cli.analysis.context import SubgraphContext
 from gap_cli.analysis.value_types import NoSuchFieldError, walk_type
-from gap_runtime.errors import did_you_mean
-from gap_runtime.graph.findings import Finding
-from gap_runtime.graph.references import STREAM, Reference
-from gap_runtime.graph.walks import references_in
+from gap_runtime.errors import Finding, did_you_mean
+from gap_runtime.graph.references import STREAM, Reference, references_in
 
 
 def s7_there_is_a_success_exit(sg: SubgraphContext) -> Iterator[Finding]:

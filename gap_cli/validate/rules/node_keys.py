@@ -6,9 +6,8 @@ import re
 from collections.abc import Iterator, Mapping
 
 from gap_cli.analysis.context import SubgraphContext, WorkflowContext
-from gap_runtime.errors import did_you_mean
-from gap_runtime.graph.findings import Finding
-from gap_runtime.graph.migrate import RETIRED, migration
+from gap_runtime.errors import Finding, did_you_mean
+from gap_runtime.graph.load import RETIRED, migration
 from gap_runtime.graph.model import VERSION, Node, SubgraphDef, Workflow
 
 MAX_NODES, MAX_ARCS, MAX_TOTAL, MAX_NAMES = 500, 2000, 10_000, 100

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from gap_cli.analysis.context import SubgraphContext, WorkflowContext
-from gap_runtime.graph.findings import Finding
+from gap_runtime.errors import Finding
 
 HINT = "A policy sees cameras, joint states, gripper width and forces; checkpoints read ground truth."
 

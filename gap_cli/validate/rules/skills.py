@@ -7,10 +7,9 @@ from collections.abc import Iterator
 from gap_cli.analysis.context import SubgraphContext, WorkflowContext
 from gap_cli.analysis.value_types import literal_problem
 from gap_runtime.contracts.skill import check_relative
-from gap_runtime.errors import did_you_mean
-from gap_runtime.graph.findings import Finding
+from gap_runtime.errors import Finding, did_you_mean
 from gap_runtime.graph.model import Call
-from gap_runtime.graph.walks import references_in
+from gap_runtime.graph.references import references_in
 
 
 def k1_skill(sg: SubgraphContext) -> Iterator[Finding]:

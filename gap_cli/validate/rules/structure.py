@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from gap_cli.analysis.context import SubgraphContext
-from gap_runtime.errors import did_you_mean
-from gap_runtime.graph.findings import Finding
+from gap_runtime.errors import Finding, did_you_mean
 from gap_runtime.graph.model import END, START, Edge, Routing
 
 _VIRTUAL = (START, END)

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 
 from gap_cli.analysis.context import SubgraphContext, WorkflowContext
 from gap_cli.validate.rules.structure import dangling
-from gap_runtime.errors import did_you_mean
-from gap_runtime.graph.findings import Finding
+from gap_runtime.errors import Finding, did_you_mean
 from gap_runtime.graph.model import END, START
 
 EXIT = "exit"

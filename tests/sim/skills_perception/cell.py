@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gap_cli.analysis.catalog import contract_names
 from gap_cli.author.build import build
 from gap_cli.author.plans import Plan, PlanData, Segment
 from gap_cli.skills import load_library
@@ -17,7 +18,6 @@ from gap_runtime.contracts.task import ObjectModel, Task, load_task
 from gap_runtime.contracts.tool import Tool
 from gap_runtime.contracts.types import Quaternion, Se3Pose, Vec3
 from gap_runtime.graph.compile import compile_workflow
-from gap_runtime.graph.names import contract_names
 from gap_runtime.plugins import load_registry
 from gap_runtime.run.execute import RunResult, RunSetup, run_graph
 

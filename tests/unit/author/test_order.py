@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from itertools import chain
 
+from gap_cli.analysis.catalog import contract_names
 from gap_cli.author.goals import Goal
 from gap_cli.author.naming import name_steps
 from gap_cli.author.solve import solve
 from gap_cli.author.steps import Repertoire
-from gap_runtime.graph.names import contract_names
 from tests.unit.author.contract_library import OBB, SPINE, library, tools
 
 

@@ -7,8 +7,7 @@ import sys
 import pytest
 
 from gap_cli.commands import error_handler
-from gap_runtime.errors import GapError, PrivilegedReadError, WorkflowError
-from gap_runtime.graph.findings import Finding
+from gap_runtime.errors import Finding, GapError, PrivilegedReadError, WorkflowError
 
 GAP = [sys.executable, "-m", "gap_cli.main"]
 

@@ -6,7 +6,7 @@ import pytest
 from gap_runtime import errors
 from gap_runtime.contracts import failures
 from gap_runtime.contracts.failures import GapError, ToolError, UnknownNameError, did_you_mean
-from gap_runtime.graph.findings import Finding
+from gap_runtime.errors import Finding
 
 FINDING = Finding("nodes.a", "S1", "is wrong", "do right")
 SPECIAL = {

@@ -6,7 +6,7 @@ import pytest
 
 from gap_runtime.contracts.failures import BadRequestError
 from gap_runtime.contracts.types import Vec3
-from gap_runtime.graph.references import Reference, references, walk
+from gap_runtime.graph.references import Reference, references_in, walk
 
 
 @pytest.mark.parametrize(
@@ -33,7 +33,10 @@ def test_malformed_text_is_refused(text):
 
 def test_references_are_found_at_any_depth():
     data = {"a": {"$ref": "x"}, "b": [{"c": {"$ref": "in.y"}}, 3]}
-    assert [str(r) for r in references(data)] == ["x", "in.y"]
+    assert [(path, str(r)) for path, r in references_in(data, "inputs")] == [
+        ("inputs.a", "x"),
+        ("inputs.b.0.c", "in.y"),
+    ]
 
 
 def test_walking_reads_keys_attributes_and_items():

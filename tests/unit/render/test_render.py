@@ -15,8 +15,7 @@ from rich.console import Console
 from gap_cli.render.mermaid import mermaid
 from gap_cli.render.page import page
 from gap_cli.render.preview import preview
-from gap_cli.render.timeline import read_timeline
-from gap_cli.render.trace import MAX_PICTURED, Tracer
+from gap_cli.render.timeline import MAX_PICTURED, Tracer, read_timeline
 from gap_cli.render.tree import tree
 from gap_runtime.contracts.types import DepthImage, Image, Mask, PointCloud, Vec3
 from gap_runtime.graph.model import Workflow

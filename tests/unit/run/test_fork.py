@@ -7,8 +7,8 @@ import itertools
 import pytest
 from rich.console import Console
 
+from gap_cli.analysis.exit_flow import side_by_side, top_links
 from gap_cli.render.drawing import drawing
-from gap_cli.render.links import side_by_side, top_links
 from gap_cli.render.mermaid import mermaid
 from gap_cli.render.tree import tree
 from gap_cli.testing import make_catalog

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from gap_cli.analysis.catalog import read_catalog
+from gap_cli.analysis.catalog import contract_names, infer_names, read_catalog, substitute
 from gap_cli.validate.validator import require_valid, validate
 from gap_runtime.errors import WorkflowError
 from gap_runtime.graph.load import parse_workflow
-from gap_runtime.graph.names import contract_names, infer_names, substitute
 from tests.unit.validate.kit import SKILLS, SOURCES, TOOLS, catalog, findings_at, plain_workflow
 
 OPEN = 'sg.add_node("open", type="tool", tool="gripper.Open")\n'
