@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Protocol, cast
 
+from gap_runtime.contracts.access import access
 from gap_runtime.contracts.cell import Cell
 from gap_runtime.contracts.failures import ToolError
 from gap_runtime.contracts.snapshot import WorldSnapshot
@@ -25,12 +26,15 @@ class Instance:
 class Simulator(Cell, Protocol):
     """A cell in physics. What it adds is out of reach of every node of a policy."""
 
+    @access("sense", privileged=True)
     def sample(self, seed: int) -> Instance:
         """Draw an instance from the task's belief space. Raises `TaskInfeasibleError`."""
 
+    @access("actuate", privileged=True)
     def reset(self, instance: Instance) -> None:
         """Start an episode: objects placed, settled, the arm at home. The only call that writes positions."""
 
+    @access("sense", privileged=True)
     def snapshot(self) -> WorldSnapshot:
         """Ground truth. Privileged: raises `PrivilegedReadError` inside a policy node."""
 

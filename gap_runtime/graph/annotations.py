@@ -19,7 +19,7 @@ _SCALARS = {
 }
 _LISTS = {"list", "List", "tuple", "Tuple", "Sequence"}
 _STREAMS = {"Iterator", "Iterable", "Generator"}
-_FRAMES = {"WORLD": "world", "CAMERA": "camera", "BASE": "base"}
+_FRAMES = {"WORLD": "world", "CAMERA": "camera", "BASE": "base", "TCP": "tcp"}
 
 
 @dataclass

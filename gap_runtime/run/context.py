@@ -25,7 +25,7 @@ from gap_runtime.contracts.task import Task
 from gap_runtime.graph.compiled import BoundCallable
 from gap_runtime.graph.values import require_finite
 from gap_runtime.run.attempt import Attempt
-from gap_runtime.run.guard import GuardedCell
+from gap_runtime.run.guard import guarded_cell
 from gap_runtime.run.leases import Leases
 
 
@@ -92,7 +92,7 @@ class NodeContext:
 
     def __init__(self, services: Services, attempt: Attempt, allowed: frozenset[str]) -> None:
         self._services, self._attempt, self._allowed = services, attempt, allowed
-        self._cell: GuardedCell | None = None
+        self._cell: Cell | None = None
 
     @property
     def cell(self) -> Cell:
@@ -101,7 +101,7 @@ class NodeContext:
             raise ToolError("no_cell", "This run has no cell.", hint="Run it with one, or with --dry.")
         self._attempt.apart = True
         if self._cell is None:
-            self._cell = GuardedCell(self._services.cell, self._attempt, self._services.leases)
+            self._cell = guarded_cell(self._services.cell, self._attempt, self._services.leases)
         return self._cell
 
     @property

@@ -1,93 +1,46 @@
-"""The world as a node's tools see it: leases are checked on every command, and a stopped node commands nothing."""
+"""The cell as a node's tools see it: what is not declared is refused, and every command needs its lease."""
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache
 from time import monotonic
-from typing import Any
+from typing import Any, Protocol, cast
 
-from gap_runtime.contracts.cell import Arm, Cell, CellFrame, LockstepCell, Setpoint
+from gap_runtime.contracts.access import Access, declared
+from gap_runtime.contracts.arm import Arm, Gripper
+from gap_runtime.contracts.cell import Cell, LockstepCell
 from gap_runtime.contracts.failures import MotionError, PrivilegedReadError, ToolError
-from gap_runtime.contracts.robot import RobotSpec
-from gap_runtime.contracts.simulator import Instance
-from gap_runtime.contracts.snapshot import WorldSnapshot
-from gap_runtime.contracts.types import ArmState, GripperState, Observation, Se3Pose, Trajectory
+from gap_runtime.contracts.simulator import Simulator
 from gap_runtime.run.attempt import Attempt, deadline_error
-from gap_runtime.run.leases import CLOCK, Leases
+from gap_runtime.run.leases import Leases
+
+_PARTS: Mapping[str, type] = {"arms": Arm, "gripper": Gripper}
 
 
-class GuardedCell:
-    """A `World` for one attempt. What a robot could not do (`reset`, `snapshot`) raises `PrivilegedReadError`."""
+class _AnyCell(Simulator, LockstepCell, Protocol):
+    """Everything a contract says a cell may offer."""
+
+
+def guarded_cell(cell: Cell, attempt: Attempt, leases: Leases) -> Cell:
+    """The cell for one attempt. What a robot could not do (`reset`, `snapshot`) raises `PrivilegedReadError`."""
+    if attempt.world_deadline == math.inf and not attempt.node.streaming:
+        attempt.world_deadline = cell.time + attempt.deadline_s
+    return cast(Cell, _wrap(cell, _AnyCell, Guard(cell, attempt, leases), {}))
+
+
+class Guard:
+    """Decides on every call into the cell on behalf of one attempt."""
 
     def __init__(self, cell: Cell, attempt: Attempt, leases: Leases) -> None:
         self._cell, self._attempt, self._leases = cell, attempt, leases
-        if attempt.world_deadline == math.inf and not attempt.node.streaming:
-            attempt.world_deadline = cell.time + attempt.deadline_s
-
-    @property
-    def arms(self) -> tuple[GuardedArm, ...]:
-        """By arm_id."""
-        return tuple(GuardedArm(arm, i, self) for i, arm in enumerate(self._cell.arms))
-
-    @property
-    def time(self) -> float:
-        """World time [s]."""
-        return self._cell.time
-
-    @property
-    def camera_names(self) -> tuple[str, ...]:
-        """All cameras."""
-        return self._cell.camera_names
-
-    def observe(self, cameras: Sequence[str] | None = None) -> Observation:
-        """RGB-D of the named cameras and the arms' states."""
-        with self.inside():
-            return self._cell.observe(cameras)
-
-    def camera_pose(self, name: str) -> Se3Pose:
-        """T_world_camera (optical)."""
-        with self.inside():
-            return self._cell.camera_pose(name)
-
-    def wait(self, seconds: float) -> None:
-        """Let world time pass; only for a node that moves things."""
-        with self.inside(CLOCK):
-            self._cell.wait(seconds)
-
-    def execute(self, motions: Mapping[int, Trajectory], *, tolerance: float = 0.01) -> None:
-        """Move several arms at once; needs the lease of each. Raises `MotionError` (`unsupported`)."""
-        if not isinstance(self._cell, LockstepCell):
-            raise MotionError("unsupported", "This world cannot move several arms at once.", hint="Move one by one.")
-        with self.inside(*(f"arm:{arm_id}" for arm_id in sorted(motions))):
-            self._cell.execute(motions, tolerance=tolerance)
-
-    def subscribe(
-        self, listener: Callable[[CellFrame], None], hz: float, cameras: Sequence[str] = ()
-    ) -> Callable[[], None]:
-        """Not for nodes: they read `in.observation_stream`."""
-        raise self._privileged("the world's own frames")
-
-    def snapshot(self) -> WorldSnapshot:
-        """Ground truth is not for nodes."""
-        raise self._privileged("the world's state")
-
-    def sample(self, seed: int) -> Instance:
-        """Instances are not for nodes."""
-        raise self._privileged("the belief space")
-
-    def reset(self, instance: Instance) -> None:
-        """Resetting is not for nodes."""
-        raise self._privileged("a fresh episode")
-
-    def close(self) -> None:
-        """Closing is not for nodes."""
-        raise self._privileged("the end of the world")
 
     @contextmanager
-    def inside(self, *resources: str) -> Iterator[None]:
-        """Around a call into the world: check before, measure, and check again after."""
+    def inside(self, resources: Sequence[str]) -> Iterator[None]:
+        """Around a call into the cell: check before, measure, and check again after."""
         attempt = self._attempt
         attempt.check()
         for resource in resources:
@@ -106,71 +59,102 @@ class GuardedCell:
         if self._cell.time > attempt.world_deadline:
             raise deadline_error(attempt)
 
-    def _privileged(self, what: str) -> PrivilegedReadError:
+    def privileged(self, what: str) -> PrivilegedReadError:
+        """The error of a call that no node may make."""
         return PrivilegedReadError(
             f"Node {self._attempt.node.path!r} asked for {what}, which only the simulator's keeper may have.",
             hint="A policy sees cameras, joint states, gripper width and forces; use those.",
         )
 
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("_"):
-            raise AttributeError(name)
-        return getattr(self._cell, name)  # a provider made for one world may use what it adds
+    def undeclared(self, what: str) -> ToolError:
+        """The error of a call that nobody vouches for."""
+        return ToolError(
+            "undeclared",
+            f"{self._attempt.node.path} calls {what}, which does not say what it does.",
+            hint='Declare it where it is defined: @access("sense"), or @access("actuate", "arm:{arm_id}").',
+        )
 
 
-class GuardedArm:
-    """An `Arm` that obeys one attempt, while it holds the arm."""
+class Guarded:
+    """A cell, an arm or a gripper behind its guard. Subclasses, made for each class of these, hold what is declared."""
 
-    def __init__(self, arm: Arm, arm_id: int, cell: GuardedCell) -> None:
-        self._arm, self._id, self._cell = arm, arm_id, cell
+    __slots__ = ("_guard", "_own", "_target")
 
-    @property
-    def spec(self) -> RobotSpec:
-        """The robot's names, limits and shape."""
-        return self._arm.spec
-
-    @property
-    def base_pose(self) -> Se3Pose:
-        """T_world_base."""
-        return self._arm.base_pose
-
-    def state(self) -> ArmState:
-        """Joints, gripper and forward kinematics."""
-        with self._cell.inside():
-            return self._arm.state()
-
-    def execute(self, trajectory: Trajectory, *, tolerance: float = 0.01) -> None:
-        """Track a joint trajectory; needs the lease of this arm."""
-        with self._cell.inside(f"arm:{self._id}"):
-            self._arm.execute(trajectory, tolerance=tolerance)
-
-    def start(self, trajectory: Trajectory, *, tolerance: float = 0.01, replace: bool = False) -> None:
-        """Begin to track a joint trajectory; needs the lease of this arm now, not for as long as it moves."""
-        with self._cell.inside(f"arm:{self._id}"):
-            self._arm.start(trajectory, tolerance=tolerance, replace=replace)
-
-    def finish(self) -> None:
-        """Let what was started come to its end; needs the lease of this arm."""
-        with self._cell.inside(f"arm:{self._id}"):
-            self._arm.finish()
-
-    def setpoint(self) -> Setpoint:
-        """Where the controller wants the joints."""
-        with self._cell.inside():
-            return self._arm.setpoint()
-
-    def set_gripper(
-        self, width: float, *, force: float | None = None, settle: float = 0.5, wait: bool = True
-    ) -> GripperState:
-        """Drive the jaws; needs the lease of this gripper."""
-        with self._cell.inside(f"gripper:{self._id}"):
-            return self._arm.set_gripper(width, force=force, settle=settle, wait=wait)
-
-    def stop(self) -> None:
-        """Stop and hold. Always allowed."""
-        self._arm.stop()
+    def __init__(self, target: Any, guard: Guard, own: Mapping[str, Any]) -> None:
+        self._target, self._guard, self._own = target, guard, own
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("_"):
-            raise AttributeError(name)
-        return getattr(self._arm, name)
+        owner, missing = type(self._target).__name__, object()
+        if name.startswith("_") or inspect.getattr_static(self._target, name, missing) is missing:
+            raise AttributeError(f"{owner} has no {name!r}")
+        raise self._guard.undeclared(f"{owner}.{name}")
+
+
+def _wrap(target: Any, contract: type, guard: Guard, own: Mapping[str, Any]) -> Guarded:
+    cls: Any = type(target)
+    return _proxy(cls, contract)(target, guard, own)
+
+
+@cache
+def _proxy(cls: type, contract: type) -> type[Guarded]:
+    """What stands for objects of `cls`: what their class declares, and the contract, whose declarations win."""
+    table = {**declared(cls), **declared(contract)}
+    members = {name: _member(name, access, contract, cls) for name, access in table.items()}
+    return type(f"Guarded{cls.__name__}", (Guarded,), {"__slots__": (), **members})
+
+
+def _member(name: str, access: Access, contract: type, cls: type) -> Any:
+    if name in _PARTS and name in declared(contract):
+        return property(lambda self: _part(self, name))
+    if access.privileged:
+        return property(lambda self: _refuse(self, name))
+    if isinstance(getattr(contract, name, getattr(cls, name, None)), property):
+        if access.effect == "pure":
+            return property(lambda self: getattr(self._target, name))
+        return property(lambda self: _run(self, access.resources, lambda: getattr(self._target, name)))
+    if access.always:
+        return lambda self, *args, **kwargs: getattr(self._target, name)(*args, **kwargs)
+    return _method(name, access, getattr(contract, name, None) or getattr(cls, name))
+
+
+def _method(name: str, access: Access, function: Callable[..., Any]) -> Callable[..., Any]:
+    named = any("{" in r for r in access.resources)
+    signature = inspect.signature(function)
+
+    def method(self: Guarded, *args: Any, **kwargs: Any) -> Any:
+        resources = access.resources
+        if not hasattr(self._target, name):
+            raise MotionError("unsupported", f"This {type(self._target).__name__} has no {name!r}.")
+        if named:
+            given = dict(signature.bind(self, *args, **kwargs).arguments)
+            resources = tuple(r for template in resources for r in _resources(template, {**given, **self._own}))
+        return _run(self, resources, lambda: getattr(self._target, name)(*args, **kwargs))
+
+    return method
+
+
+def _resources(template: str, given: Mapping[str, Any]) -> list[str]:
+    """The resources that a template names: one for each key or item of an argument that has several."""
+    kind, _, name = template.partition("{")
+    if not name:
+        return [template]
+    value = given[name.rstrip("}")]
+    several = isinstance(value, (Mapping, Sequence)) and not isinstance(value, str)
+    return [f"{kind}{item}" for item in (sorted(value) if several else [value])]
+
+
+def _run(self: Guarded, resources: Sequence[str], call: Callable[[], Any]) -> Any:
+    with self._guard.inside(resources):
+        return call()
+
+
+def _part(self: Guarded, name: str) -> Any:
+    contract = _PARTS[name]
+    parts = getattr(self._target, name)
+    if name == "arms":
+        return tuple(_wrap(arm, contract, self._guard, {"arm_id": i}) for i, arm in enumerate(parts))
+    return _wrap(parts, contract, self._guard, self._own)
+
+
+def _refuse(self: Guarded, name: str) -> Any:
+    raise self._guard.privileged(f"{type(self._target).__name__}.{name}")

@@ -8,7 +8,8 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterable
 
-from gap_runtime.contracts.cell import Arm, Cell
+from gap_runtime.contracts.arm import Arm
+from gap_runtime.contracts.cell import Cell
 
 CONFIRM_S = 2.0
 

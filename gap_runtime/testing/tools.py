@@ -75,7 +75,7 @@ def move(ctx: ToolContext, to: float = 1.0, duration: float = 1.0, arm_id: int =
 @tool("fake.Grip", effect="actuate", resources=("gripper:{arm_id}",), deadline_s=5.0)
 def grip(ctx: ToolContext, width: float = 0.0, arm_id: int = 0) -> GripperState:
     """Drives the jaws to `width` [m]."""
-    return ctx.cell.arms[arm_id].set_gripper(width)
+    return ctx.cell.arms[arm_id].gripper.set_width(width)
 
 
 @tool("fake.Spin", deadline_s=5.0)

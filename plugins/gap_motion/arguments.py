@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gap_motion.kinematics.chain import Chain, chain
-from gap_runtime.contracts.cell import Arm
+from gap_runtime.contracts.arm import Arm
 from gap_runtime.contracts.failures import BadRequestError
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.tool import ToolContext

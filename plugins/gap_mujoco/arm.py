@@ -9,11 +9,13 @@ import numpy as np
 
 from gap_mujoco import commands
 from gap_mujoco.control.joint_controller import Drive
+from gap_mujoco.gripper import SimGripper
 from gap_mujoco.thread import WorldThread
-from gap_runtime.contracts.cell import Setpoint
+from gap_runtime.contracts.arm import Compliance, ContactMotion, Setpoint
+from gap_runtime.contracts.failures import MotionError
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.task import RobotPlacement
-from gap_runtime.contracts.types import ArmState, GripperState, Quaternion, Se3Pose, Trajectory, Vec3
+from gap_runtime.contracts.types import ArmState, Quaternion, Se3Pose, Trajectory, Vec3, Wrench
 
 
 class SimArm:
@@ -25,6 +27,7 @@ class SimArm:
         rotation = Quaternion(float(np.cos(half)), 0.0, 0.0, float(np.sin(half)))
         self._base = Se3Pose(Vec3.of(placement.position), rotation)
         self._stops, self._lock = 0, threading.Lock()
+        self.gripper = SimGripper(drive, thread, self.stop_flag)
 
     @property
     def spec(self) -> RobotSpec:
@@ -56,18 +59,19 @@ class SimArm:
         """Let a motion that was started come to its end; see `gap_runtime.contracts.cell.Arm.finish`."""
         self._thread.call(commands.finish, self._drive)
 
-    def set_gripper(
-        self, width: float, *, force: float | None = None, settle: float = 0.5, wait: bool = True
-    ) -> GripperState:
-        """Drive the jaws; see `gap_runtime.contracts.cell.Arm.set_gripper`."""
-        return self._thread.call(self._set_gripper, width, force, settle if wait else None, self._stopped())
+    def wrench(self) -> Wrench:
+        """Not simulated yet."""
+        raise _unsupported("has no force-torque sensor")
 
-    def _set_gripper(
-        self, width: float, force: float | None, settle: float | None, stopped: Callable[[], bool]
-    ) -> GripperState:
-        commands.report(self._drive)
-        self._drive.jaws.move(width, force, settle, stopped)
-        return self._drive.jaws.state()
+    def move_guarded(self, trajectory: Trajectory, *, force: float, tolerance: float = 0.01) -> ContactMotion:
+        """Not simulated yet."""
+        raise _unsupported("has no force-torque sensor")
+
+    def move_compliant(
+        self, target: Se3Pose, compliance: Compliance, *, force_limit: float, timeout: float, speed: float = 0.05
+    ) -> ContactMotion:
+        """Not simulated yet."""
+        raise _unsupported("cannot move compliantly")
 
     def stop(self) -> None:
         """End the command under way and those already asked for, and hold. Later commands are not affected."""
@@ -76,8 +80,13 @@ class SimArm:
 
     def command(self, trajectory: Trajectory, tolerance: float) -> commands.Command:
         """A command of this arm, which `stop` ends if it is called from now on. For the world's own use."""
-        return commands.Command(self._drive, trajectory, tolerance, self._stopped())
+        return commands.Command(self._drive, trajectory, tolerance, self.stop_flag())
 
-    def _stopped(self) -> Callable[[], bool]:
+    def stop_flag(self) -> Callable[[], bool]:
+        """Whether the arm was told to stop since now. For the cell's own use."""
         seen = self._stops
         return lambda: self._stops != seen
+
+
+def _unsupported(what: str) -> MotionError:
+    return MotionError("unsupported", f"The simulated arm {what}.")

@@ -17,6 +17,7 @@ from gap_mujoco.rendering.camera import Renderer, camera_pose, observe
 from gap_mujoco.rendering.noise import SensorNoise
 from gap_mujoco.subscriptions import Ear
 from gap_mujoco.thread import WorldThread
+from gap_runtime.contracts.access import access
 from gap_runtime.contracts.cell import CellFrame
 from gap_runtime.contracts.failures import BadRequestError, GapError, TaskInfeasibleError, UnknownNameError
 from gap_runtime.contracts.privilege import assert_privileged, current_node
@@ -59,6 +60,7 @@ class MujocoSimulator:
         return self._arms
 
     @property
+    @access("pure")
     def scene(self) -> str:
         """Which scene of the task this is."""
         return self._scene_name

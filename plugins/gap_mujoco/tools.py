@@ -208,7 +208,7 @@ def _drive_jaws(ctx: ToolContext, fraction: float, arm_id: int) -> None:
         raise UnknownNameError("arm", str(arm_id), map(str, range(len(arms))))
     if not 0 <= fraction <= 1:
         raise BadRequestError("range", f"A jaw opening of {fraction} is outside 0 (closed) to 1 (open).")
-    arms[arm_id].set_gripper(fraction * arms[arm_id].spec.gripper.max_width)
+    arms[arm_id].gripper.set_width(fraction * arms[arm_id].spec.gripper.max_width)
 
 
 def _stepped(ctx: ToolContext, *, truncated: bool) -> Stepped:

@@ -67,17 +67,24 @@ def test_jaws_take_the_arm_along(world):
     arm = world.arms[0]
     way = turn(arm)
     arm.start(way)
-    arm.set_gripper(0.0, settle=0.5)
+    arm.gripper.set_width(0.0, settle=0.5)
     assert gone(arm, way) > 0.3
     arm.finish()
 
 
 def test_jaws_need_not_be_waited_for(world):
     arm, began = world.arms[0], world.time
-    arm.set_gripper(0.0, wait=False)
+    arm.gripper.set_width(0.0, wait=False)
     assert world.time == began
     world.wait(1.5)
     assert arm.state().gripper.width < 0.001
+
+
+def test_a_gripper_says_that_it_holds_nothing_wherever_it_stands(world):
+    gripper = world.arms[0].gripper
+    for state in (gripper.open(), gripper.set_width(0.02), gripper.close(), gripper.set_force(5.0)):
+        assert state.holding is False and -1e-3 <= state.width <= gripper.spec.max_width + 1e-3
+    assert gripper.state() == world.arms[0].state().gripper
 
 
 def test_the_next_motion_lets_the_one_under_way_end(world):

@@ -3,6 +3,7 @@
 from gap_runtime.contracts.types.geometry import (
     BASE,
     CAMERA,
+    TCP,
     WORLD,
     BoundingBox2D,
     Frame,
@@ -31,12 +32,13 @@ from gap_runtime.contracts.types.messages import (
     PointCloud,
     Trajectory,
     WorldConfig,
+    Wrench,
 )
 from gap_runtime.contracts.types.value import Array, Value
 
 __all__ = [
-    "BASE", "CAMERA", "CONTRACT_TYPES", "SCALAR_TYPES", "WORLD", "ArmState", "Array", "BoundingBox2D",
+    "BASE", "CAMERA", "CONTRACT_TYPES", "SCALAR_TYPES", "TCP", "WORLD", "ArmState", "Array", "BoundingBox2D",
     "CameraObservation", "DepthImage", "Detection", "Frame", "Grasp", "GripperState", "Image", "JointState", "Mask",
     "Matrix3x3", "ObjectMask", "ObjectPose", "Observation", "Obstacle", "OrientedBoundingBox", "PointCloud",
-    "Quaternion", "Se3Pose", "Trajectory", "Value", "Vec3", "WorldConfig",
+    "Quaternion", "Se3Pose", "Trajectory", "Value", "Vec3", "WorldConfig", "Wrench",
 ]  # fmt: skip

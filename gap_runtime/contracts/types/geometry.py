@@ -25,7 +25,8 @@ class Frame:
 WORLD = Frame("world")
 CAMERA = Frame("camera")
 BASE = Frame("base")
-FRAMES = (WORLD.name, CAMERA.name, BASE.name)
+TCP = Frame("tcp")
+FRAMES = (WORLD.name, CAMERA.name, BASE.name, TCP.name)
 
 
 @dataclass(frozen=True, eq=False)

@@ -134,11 +134,21 @@ class Trajectory(Value):
 
 @dataclass(frozen=True, eq=False)
 class GripperState(Value):
-    """Jaw opening: `width` between the fingers [m], `fraction` of the full opening (0 closed, 1 open), `force` [N]."""
+    """Opening: `width` between the fingers [m] (0 where there are none), `fraction` of the full opening (0 closed, 1
+    open), `force` [N]. `holding` says whether something is held, None where the gripper cannot tell."""
 
     width: float
     fraction: float
     force: float = 0.0
+    holding: bool | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Wrench(Value):
+    """A force [N] and a torque [Nm] at one point, along and about the axes of one frame."""
+
+    force: Vec3
+    torque: Vec3
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +229,7 @@ CONTRACT_TYPES: dict[str, type] = {
     for c in (
         Vec3, Quaternion, Se3Pose, OrientedBoundingBox, BoundingBox2D, Detection, Image, DepthImage, Mask, PointCloud,
         Matrix3x3, CameraObservation, JointState, Trajectory, GripperState, ArmState, Observation, Obstacle,
-        WorldConfig, Grasp, ObjectMask, ObjectPose,
+        WorldConfig, Grasp, ObjectMask, ObjectPose, Wrench,
     )
 }  # fmt: skip
 SCALAR_TYPES: dict[str, type] = {"float": float, "int": int, "bool": bool, "string": str}

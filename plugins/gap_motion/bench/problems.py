@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -18,7 +19,7 @@ from gap_motion.kinematics.ik import into_range
 from gap_motion.kinematics.robot_model import make_body
 from gap_motion.planning.goals import within_limits
 from gap_motion.planning.planning_scene import Situation
-from gap_runtime.contracts.cell import Setpoint
+from gap_runtime.contracts.arm import Arm, Setpoint
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.types import (
     ArmState,
@@ -27,7 +28,6 @@ from gap_runtime.contracts.types import (
     JointState,
     Quaternion,
     Se3Pose,
-    Trajectory,
     Vec3,
 )
 
@@ -62,30 +62,10 @@ class StillArm:
         jaws = GripperState(self.spec.gripper.max_width, 1.0)
         return ArmState(0, JointState(np.array(self.joints)), jaws, tcp)
 
-    def execute(self, trajectory: Trajectory, *, tolerance: float = 0.01) -> None:
-        """Not here."""
-        raise NotImplementedError
-
-    def start(self, trajectory: Trajectory, *, tolerance: float = 0.01, replace: bool = False) -> None:
-        """Not here."""
-        raise NotImplementedError
-
-    def finish(self) -> None:
-        """It stands already."""
-
     def setpoint(self) -> Setpoint:
         """At its joints."""
         still = np.zeros(self.spec.dof)
         return Setpoint(np.array(self.joints), still, still, np.array(self.joints))
-
-    def set_gripper(
-        self, width: float, *, force: float | None = None, settle: float = 0.5, wait: bool = True
-    ) -> GripperState:
-        """Not here."""
-        raise NotImplementedError
-
-    def stop(self) -> None:
-        """It stands already."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +133,7 @@ def groceries(spec: RobotSpec, count: int, grasps: int = 50, seed: int = 0) -> l
     out: list[GraspProblem] = []
     while len(out) < count:
         shapes = _table(rng)
-        cell = ArmModel(StillArm(spec, spec.home))
+        cell = ArmModel(cast(Arm, StillArm(spec, spec.home)))
         situation = Situation(cell, make_body(cell.chain, spec.gripper.max_width), scene_of(shapes))
         poses = np.stack([_grasp(shapes[-1], rng) for _ in range(grasps)])
         targets = cell.last_frame(poses)

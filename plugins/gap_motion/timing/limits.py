@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gap_motion.arguments import ArmModel
-from gap_runtime.contracts.cell import Setpoint
+from gap_runtime.contracts.arm import Setpoint
 from gap_runtime.contracts.failures import MotionError
 from gap_runtime.contracts.task import Task
 from gap_runtime.contracts.types import Array, Trajectory

@@ -12,7 +12,7 @@ from gap_motion.arguments import STEP, ArmModel
 from gap_motion.kinematics.damped_least_squares import descend
 from gap_motion.kinematics.ik import nearest
 from gap_motion.timing.timing import SPEED
-from gap_runtime.contracts.cell import Setpoint
+from gap_runtime.contracts.arm import Setpoint
 from gap_runtime.contracts.failures import BadRequestError, MotionError
 from gap_runtime.contracts.types import Array, Trajectory
 

@@ -117,7 +117,7 @@ def apply_policy_action(ctx: ToolContext, action: list[float], arm_id: int = 0) 
     ctx.state[key] = Stream(stream.target, cell.arm.setpoint().goal)
     closed = wants_closed(values)
     if closed is not None and ctx.state.get(grip) != closed:
-        cell.arm.set_gripper(0.0 if closed else cell.spec.gripper.max_width, wait=False)
+        (cell.arm.gripper.close if closed else cell.arm.gripper.open)(wait=False)
         ctx.state[grip] = closed
     ctx.cell.wait(STEP)
 

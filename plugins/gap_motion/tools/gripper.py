@@ -25,8 +25,7 @@ def open_gripper(ctx: ToolContext, arm_id: int = 0, settle_steps: int = 40) -> G
 
     An arm under way (`nonblocking`) goes on meanwhile. Raises `BadRequestError`, `MotionError`.
     """
-    gripper = arm_of(ctx, arm_id).spec.gripper
-    return arm_of(ctx, arm_id).set_gripper(gripper.max_width, settle=_settle(settle_steps))
+    return arm_of(ctx, arm_id).gripper.open(settle=_settle(settle_steps))
 
 
 @tool("gripper.Close", effect="actuate", resources=HOLD, deadline_s=30.0)
@@ -36,13 +35,13 @@ def close_gripper(ctx: ToolContext, arm_id: int = 0, settle_steps: int = 60) -> 
     It goes on squeezing afterwards. A `width` near zero means that nothing is between the jaws. An arm under way
     (`nonblocking`) goes on meanwhile. Raises `BadRequestError`, `MotionError`.
     """
-    return arm_of(ctx, arm_id).set_gripper(0.0, settle=_settle(settle_steps))
+    return arm_of(ctx, arm_id).gripper.close(settle=_settle(settle_steps))
 
 
 @tool("gripper.GetPosition", effect="sense")
 def get_position(ctx: ToolContext, arm_id: int = 0) -> GripperState:
     """How far the jaws are open now, and how hard they squeeze."""
-    return arm_of(ctx, arm_id).state().gripper
+    return arm_of(ctx, arm_id).gripper.state()
 
 
 @tool("gripper.GetPose", effect="sense")

@@ -11,7 +11,7 @@ from gap_mujoco.control.parallel_gripper import Jaws
 from gap_mujoco.control.setpoints import Applied
 from gap_mujoco.model.compiled import TIMESTEP
 from gap_mujoco.physics import Physics
-from gap_runtime.contracts.cell import Setpoint
+from gap_runtime.contracts.arm import Setpoint
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.task import RobotPlacement
 from gap_runtime.contracts.types import ArmState, Array, JointState, Quaternion, Se3Pose, Vec3

@@ -17,6 +17,7 @@ DEFAULT_FORCE = 30.0  # [N]: holds 0.5 kg at friction 0.6 against 2 g
 _AT_TARGET = 0.0005  # [m]
 _STILL = 0.002  # [m/s]: slower than that, the jaws are blocked
 _STILL_STEPS = 25
+_HOLDING = 0.5  # of the force they squeeze with: less than that comes from reaching a width
 _MAX_SETTLE = 10.0  # [s]
 _PATIENCE = 1.0  # [s] beyond the time the stroke takes at full speed
 
@@ -40,6 +41,7 @@ class Jaws:
         physics.forward()
         self._ratio = float(physics.data.actuator_length[self._actuator]) / spec.gripper.max_width
         self._setpoint = self._target = spec.gripper.max_width
+        self._force = DEFAULT_FORCE
         self._stopped: Callable[[], bool] = lambda: False
         self._still = self._waited = 0
 
@@ -50,9 +52,12 @@ class Jaws:
         return share * self._spec.max_width
 
     def state(self) -> GripperState:
-        """Opening and squeezing force as the gripper's own sensors report them."""
+        """Opening and squeezing force as the gripper's own sensors report them; jaws that squeeze and stand still
+        before they are closed hold something."""
         force = -float(self._physics.data.actuator_force[self._actuator]) * self._ratio
-        return GripperState(self.width, self.width / self._spec.max_width, max(0.0, force))
+        speed = float(np.abs(self._physics.data.qvel[self._v]).sum())
+        holding = force > _HOLDING * self._force and self.width > _AT_TARGET if speed < _STILL else None
+        return GripperState(self.width, self.width / self._spec.max_width, max(0.0, force), holding)
 
     def place_open(self) -> None:
         """Write the open position and hold it with the default force. Only a reset may."""
@@ -76,13 +81,16 @@ class Jaws:
             for _ in range(round(settle / TIMESTEP)):
                 self._step()
 
+    def squeeze(self, force: float) -> None:
+        """Push with at most `force` [N] from now on. Raises `MotionError` (`refused`)."""
+        if not 0 < force <= self._spec.max_force:
+            raise refused(f"a gripping force of {force} N is outside 0 to {self._spec.max_force} N")
+        self._limit(force)
+
     def _aim(self, width: float, force: float | None, stopped: Callable[[], bool]) -> None:
-        limit = DEFAULT_FORCE if force is None else force
         if not 0 <= width <= self._spec.max_width + 1e-9:
             raise refused(f"a jaw opening of {width} m is outside 0 to {self._spec.max_width} m")
-        if not 0 < limit <= self._spec.max_force:
-            raise refused(f"a gripping force of {limit} N is outside 0 to {self._spec.max_force} N")
-        self._limit(limit)
+        self.squeeze(DEFAULT_FORCE if force is None else force)
         if width > self._setpoint:  # what is squeezed keeps the jaws open: start from there, not from the squeeze
             self._setpoint = min(max(self._setpoint, self.width), width)
         self._target, self._stopped = width, stopped
@@ -117,4 +125,5 @@ class Jaws:
         return (lagging and self._still >= _STILL_STEPS) or self._waited * TIMESTEP > longest
 
     def _limit(self, force: float) -> None:
+        self._force = force
         self._physics.model.actuator_forcerange[self._actuator] = np.array([-force, force]) / self._ratio

@@ -181,7 +181,7 @@ def test_jaws_go_where_they_are_told_at_their_speed(world):
     arm = world.arms[0]
     for width in (0.03, 0.0, 0.08):
         began, from_width = world.time, arm.state().gripper.width
-        state = arm.set_gripper(width, settle=0.1)
+        state = arm.gripper.set_width(width, settle=0.1)
         assert state.width == pytest.approx(width, abs=0.001)
         assert state.fraction == pytest.approx(width / 0.08, abs=0.02)
         assert world.time - began >= abs(width - from_width) / arm.spec.gripper.max_speed
@@ -190,7 +190,7 @@ def test_jaws_go_where_they_are_told_at_their_speed(world):
 @pytest.mark.parametrize(("width", "force"), [(-0.01, None), (0.2, None), (float("nan"), None), (0.02, 0), (0.02, 1e3)])
 def test_jaws_refuse_what_the_gripper_cannot_do(world, width, force):
     with pytest.raises(MotionError) as refusal:
-        world.arms[0].set_gripper(width, force=force)
+        world.arms[0].gripper.set_width(width, force=force)
     assert refusal.value.code == "refused" and world.time == 0
 
 
@@ -204,7 +204,7 @@ def test_two_arms_share_one_cell(task, robots):
     left, right = world.arms
     assert world.camera_names == ("agentview", "wrist_0", "wrist_1")
     right.execute(swing(right))
-    right.set_gripper(0.02)
+    right.gripper.set_width(0.02)
     assert np.allclose(left.state().joints.positions, left.spec.home, atol=1e-3)
     assert left.state().gripper.width > 0.079 and right.state().gripper.width < 0.021
     p, q = (arm.state().ee_pose.position.array for arm in (left, right))

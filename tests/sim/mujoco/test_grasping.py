@@ -42,7 +42,7 @@ def test_pick_and_place(alone, move_to):
     grip = np.add(start, [0, 0, max(size[2] / 2 - depth, 0.0115 - start[2])])
     move_to(world, np.add(grip, [0, 0, 0.2]), down)
     move_to(world, grip, down)
-    arm.set_gripper(0.0, settle=0.2)
+    assert arm.gripper.close(settle=0.2).holding
     assert world.snapshot().body(name).is_grasped()
     held = relative(world, name)
     move_to(world, np.add(grip, [0, 0, 0.25]), down)
@@ -52,7 +52,8 @@ def test_pick_and_place(alone, move_to):
     assert slip < 0.003, "friction holds it"
     assert world.snapshot().body(name).lifted() > 0.1
     move_to(world, [*basket[:2], 0.22 + grip[2] - start[2]], down)
-    arm.set_gripper(0.08, settle=0.2)
+    assert arm.gripper.state().holding
+    assert not arm.gripper.open(settle=0.2).holding
     move_to(world, [*basket[:2], 0.4], down)
     world.wait(0.5)
     assert conditions(task, name, world.snapshot()) == {"contained": True, "released": True, "settled": True}

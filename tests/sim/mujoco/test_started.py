@@ -40,7 +40,7 @@ def test_jaws_and_arm_move_at_the_same_time(world):
     arm = world.arms[0]
     way = swing(arm, 1.0)
     arm.start(way)
-    arm.set_gripper(0.0, settle=0.0)
+    arm.gripper.set_width(0.0, settle=0.0)
     closed = world.time
     assert arm.state().joints.velocities[0] > 0.1
     arm.finish()
@@ -48,7 +48,7 @@ def test_jaws_and_arm_move_at_the_same_time(world):
     assert world.time < closed + way.duration
     world.reset(world.sample(1))
     arm.execute(swing(arm, 1.0))
-    arm.set_gripper(0.0, settle=0.0)
+    arm.gripper.set_width(0.0, settle=0.0)
     apart = world.time
     assert apart == pytest.approx(closed + way.duration, abs=0.1)
 
@@ -88,7 +88,7 @@ def failed(world, move_to, reach_to):
     return world, began
 
 
-@pytest.mark.parametrize("command", ["execute", "start", "finish", "set_gripper"])
+@pytest.mark.parametrize("command", ["execute", "start", "finish", "set_width"])
 def test_a_failure_is_raised_by_the_arms_next_command_and_once(failed, command):
     world, began = failed
     arm = world.arms[0]
@@ -97,7 +97,7 @@ def test_a_failure_is_raised_by_the_arms_next_command_and_once(failed, command):
         "execute": lambda: arm.execute(swing(arm)),
         "start": lambda: arm.start(swing(arm)),
         "finish": arm.finish,
-        "set_gripper": lambda: arm.set_gripper(0.0),
+        "set_width": lambda: arm.gripper.set_width(0.0),
     }[command]
     with pytest.raises(MotionError) as error:
         do()
@@ -161,5 +161,5 @@ def test_a_failure_that_is_known_is_told_even_before_the_arm_is_at_rest(world, m
         world.wait(0.002)
     assert not motion.done
     with pytest.raises(MotionError, match="contact"):
-        arm.set_gripper(0.0)
+        arm.gripper.set_width(0.0)
     assert arm.state().gripper.width > 0.079 and np.abs(arm.state().joints.velocities).max() < 0.1

@@ -46,7 +46,7 @@ def test_equal_episodes_are_equal_to_the_byte(make_world, task, robots, move_to)
     def episode(world):
         world.reset(world.sample(5))
         move_to(world, [-0.12, -0.24, 0.2])
-        world.arms[0].set_gripper(0.02, settle=0.1)
+        world.arms[0].gripper.set_width(0.02, settle=0.1)
         frame = world.observe(["wrist"]).cameras[0]
         return state_bytes(world) + frame.rgb.data.tobytes() + frame.depth.data.tobytes()
 
@@ -71,7 +71,7 @@ def test_every_change_of_position_is_velocity_times_time(world, move_to):
     soup = world.snapshot().bodies["alphabet_soup"].pose.position.array
     move_to(world, np.add(soup, [0, 0, 0.15]))
     move_to(world, soup)
-    world.arms[0].set_gripper(0.0)
+    world.arms[0].gripper.set_width(0.0)
     move_to(world, np.add(soup, [0, 0, 0.15]))
     physics.observers.remove(compare)
     assert world.snapshot().body("alphabet_soup").lifted() > 0.1
@@ -157,7 +157,12 @@ def test_an_instance_of_another_scene_is_refused(world):
 
 def test_an_empty_world_says_so(task, robots):
     world = MujocoSimulator(task, "milk", robots)
-    for attempt in (world.observe, world.snapshot, lambda: world.wait(1), lambda: world.arms[0].set_gripper(0.01)):
+    for attempt in (
+        world.observe,
+        world.snapshot,
+        lambda: world.wait(1),
+        lambda: world.arms[0].gripper.set_width(0.01),
+    ):
         with pytest.raises(GapError, match="until it is reset"):
             attempt()
     world.close()

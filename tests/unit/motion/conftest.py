@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gap_motion.kinematics.chain import chain
-from gap_runtime.contracts.cell import Setpoint
+from gap_runtime.contracts.arm import Setpoint
 from gap_runtime.contracts.types import (
     ArmState,
     GripperState,
@@ -23,17 +23,36 @@ REGISTRY = load_registry(("gap_robots", "gap_motion"), entry_points=False)
 BASE = Se3Pose(Vec3(-0.6, 0.1, 0.0), Quaternion(0.9553364891256060, 0.0, 0.0, 0.2955202066613396))
 
 
+class IdealGripper:
+    """Jaws that are where they are told to be."""
+
+    def __init__(self, spec):
+        self.spec, self.width = spec, spec.max_width
+
+    def state(self):
+        return GripperState(self.width, self.width / self.spec.max_width)
+
+    def open(self, *, settle=0.5, wait=True):
+        return self.set_width(self.spec.max_width)
+
+    def close(self, *, force=None, settle=0.5, wait=True):
+        return self.set_width(0.0)
+
+    def set_width(self, width, *, force=None, settle=0.5, wait=True):
+        self.width = width
+        return self.state()
+
+
 class IdealArm:
     """An arm that tracks perfectly."""
 
     def __init__(self, spec, base=BASE):
         self.spec, self.base_pose = spec, base
-        self.q, self.width, self.executed = np.array(spec.home), spec.gripper.max_width, []
+        self.q, self.gripper, self.executed = np.array(spec.home), IdealGripper(spec.gripper), []
 
     def state(self):
-        g = GripperState(self.width, self.width / self.spec.gripper.max_width)
         pose = Se3Pose.of(chain(self.spec).tcp_poses(self.q, self.base_pose.matrix)[0])
-        return ArmState(0, JointState(self.q.copy()), g, pose)
+        return ArmState(0, JointState(self.q.copy()), self.gripper.state(), pose)
 
     def execute(self, trajectory, *, tolerance=0.01):
         assert np.abs(trajectory.positions[0] - self.q).max() < 0.02
@@ -49,10 +68,6 @@ class IdealArm:
     def setpoint(self):
         still = np.zeros(self.spec.dof)
         return Setpoint(self.q, still, still, self.q)
-
-    def set_gripper(self, width, *, force=None, settle=0.5, wait=True):
-        self.width = width
-        return self.state().gripper
 
     def stop(self):
         pass

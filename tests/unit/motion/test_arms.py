@@ -7,7 +7,7 @@ from gap_motion.arguments import ArmModel
 from gap_motion.planning.multi_arm import in_step, refuse_meeting
 from gap_motion.planning.planning_scene import Situation
 from gap_motion.timing.timing import Limits, point_to_point
-from gap_runtime.contracts.cell import Setpoint
+from gap_runtime.contracts.arm import Setpoint
 from gap_runtime.contracts.failures import BadRequestError, MotionError, PlanningError
 from gap_runtime.contracts.types import JointState, Quaternion, Se3Pose, Vec3
 from tests.unit.motion.conftest import IdealArm
@@ -139,12 +139,12 @@ def test_a_policy_action_moves_by_its_share_of_the_scale(cell):
     np.testing.assert_allclose(after.position.array - before.position.array, [0, 0, -0.05], atol=1e-3)
     turned = (after.rotation.rotation * before.rotation.rotation.inv()).as_rotvec()
     np.testing.assert_allclose(turned, [0, 0, 0.25], atol=1e-3)
-    assert cell.arm.width == cell.arm.spec.gripper.max_width
+    assert cell.arm.gripper.width == cell.arm.spec.gripper.max_width
 
 
 def test_the_jaws_move_only_when_the_policy_changes_its_mind(cell, monkeypatch):
     calls = []
-    monkeypatch.setattr(cell.arm, "set_gripper", lambda width, **_: calls.append(width))
+    monkeypatch.setattr(cell.arm.gripper, "set_width", lambda width, **_: calls.append(width))
     for grip in (1.0, 1.0, 0.0, -1.0):
         cell.call("robot_control.ApplyPolicyAction", action=[0, 0, 0, 0, 0, 0, grip])
     assert calls == [0.0, cell.arm.spec.gripper.max_width]

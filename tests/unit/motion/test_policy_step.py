@@ -6,7 +6,7 @@ import pytest
 from gap_motion.arguments import ArmModel
 from gap_motion.timing.limits import refuse
 from gap_motion.timing.policy_step import MOST_LAG, begin, step, to_rest
-from gap_runtime.contracts.cell import Setpoint
+from gap_runtime.contracts.arm import Setpoint
 from gap_runtime.contracts.failures import MotionError
 from gap_runtime.contracts.types import Quaternion, Se3Pose, Vec3
 from tests.unit.motion.conftest import IdealArm

@@ -100,13 +100,13 @@ def test_c2_one_node_may_hold_arm_and_gripper_and_two_nodes_one_each():
     @tool("fake.Pick", effect="actuate", resources=("arm:0", "gripper:0"))
     def pick(ctx: ToolContext) -> None:
         """Uses both."""
-        ctx.cell.arms[0].set_gripper(0.0)
+        ctx.cell.arms[0].gripper.set_width(0.0)
         ctx.cell.arms[0].execute(Trajectory(np.array([0.0, 0.1]), np.zeros((2, 2))))
 
     world = FakeCell()
     assert run_fake(chain(a={"type": "tool", "tool": "fake.Pick"}), pick, cell=world).status == "success"
     assert run_fake(fan(a=node("Move"), b=node("Grip")), cell=world).status == "success"
-    assert world.arms[0].commands == ["set_gripper", "execute", "execute", "set_gripper"]
+    assert world.arms[0].commands == ["set_width", "execute", "execute", "set_width"]
 
 
 def test_c2_two_arms_in_one_step_share_the_clock_one_after_the_other():
@@ -606,7 +606,7 @@ def test_c13_a_run_cancelled_before_it_starts_moves_nothing_but_its_recovery():
         recovery=[{"tool": "fake.Grip"}],
     )
     result = run_fake(w, cell=world, cancel=cancel)
-    assert (result.status, result.end) == ("cancelled", "abort") and world.arms[0].commands == ["set_gripper"]
+    assert (result.status, result.end) == ("cancelled", "abort") and world.arms[0].commands == ["set_width"]
 
 
 def test_c13_cancelling_twice_from_other_threads_is_the_same_as_once():

@@ -107,7 +107,7 @@ def test_an_error_becomes_on_error_then_the_recovery_of_the_end_it_leads_to():
     assert result.exits == [("main", "failed")]
     assert [type(e) for _, e in result.failures] == [ToolError]
     assert [p for p, _ in result.recovery_failures] == ["abort/00.fake.Fail"]
-    assert world.arms[0].commands == ["set_gripper"]
+    assert world.arms[0].commands == ["set_width"]
     with pytest.raises(ExecutionError, match="main/a") as caught:
         result.raise_for_status()
     assert caught.value.causes == result.causes
@@ -331,7 +331,7 @@ def test_an_exit_that_leads_nowhere_is_an_error_and_still_recovers():
         "type": "end", "status": "failure", "recovery": [{"tool": "fake.Grip"}]}}}, "w")  # fmt: skip
     result = run_fake(w, cell=world)
     assert result.status == "error" and "leads nowhere" in result.error
-    assert world.arms[0].commands == ["set_gripper"]
+    assert world.arms[0].commands == ["set_width"]
 
 
 def test_parameters_are_read_from_the_skill_or_its_override(scripted):

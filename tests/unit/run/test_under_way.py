@@ -40,7 +40,7 @@ def test_a_node_that_comes_after_finds_the_arm_under_way():
     world = FakeCell()
     then = {"type": "tool", "tool": "fake.Grip"}
     assert run_fake(chain(a={"type": "tool", "tool": "fake.Start"}, b=then), start, cell=world).status == "success"
-    assert world.arms[0].commands == ["start", "set_gripper"] and world.time < WAY.duration + 0.1
+    assert world.arms[0].commands == ["start", "set_width"] and world.time < WAY.duration + 0.1
 
 
 def test_what_an_arm_failed_at_unwatched_fails_the_run(monkeypatch):

@@ -35,13 +35,14 @@ def test_a_graph_of_its_skill_calls_its_tool(registry, tmp_path):
     skill = load_library(registry.skill_paths)["wave-hello"]
     result = run_alone(skill, registry.tools, world, tmp_path)
     assert (result.status, result.exits) == ("success", [("sample", "ready")])
-    assert world.arms[0].commands == ["set_gripper"]
+    assert world.arms[0].commands == ["set_width"]
 
 
 def test_a_hand_that_does_not_open_fails_the_skill(registry, tmp_path, monkeypatch):
     world = FakeCell()
-    monkeypatch.setattr(world.arms[0], "set_gripper", lambda width, **_: world.arms[0].state().gripper)
-    world.arms[0]._width = 0.0
+    jaws = world.arms[0].gripper
+    jaws.close()
+    monkeypatch.setattr(jaws, "set_width", lambda width, **_: jaws.state())
     result = run_alone(load_library(registry.skill_paths)["wave-hello"], registry.tools, world, tmp_path)
     assert result.exits == [("sample", "failed")]
     assert "0% open instead of 100%" in result.error
