@@ -1,16 +1,21 @@
-"""What each method of an arm, a gripper or a cell does: its effect and what it commands. The run's guard obeys it."""
+"""What a policy node may reach: methods declare their effect and what they command, and privileged reads raise."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar, Token
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
 from typing import Any, Literal, TypeVar
 
+from gap_runtime.contracts.failures import PrivilegedReadError
+
 Effect = Literal["pure", "sense", "actuate"]
 F = TypeVar("F", bound=Callable[..., Any])
 _MARK = "__access__"
+_running_node: ContextVar[str | None] = ContextVar("running_node", default=None)
 
 
 @dataclass(frozen=True)
@@ -48,3 +53,38 @@ def declared(cls: type) -> Mapping[str, Access]:
             if isinstance(marked, Access):
                 found[name] = marked
     return MappingProxyType(found)
+
+
+def enter_node(path: str) -> Token[str | None]:
+    """Mark the current thread of execution as belonging to the policy node `path`; undo it with `leave_node`."""
+    return _running_node.set(path)
+
+
+def leave_node(token: Token[str | None]) -> None:
+    """Undo the `enter_node` that gave `token`."""
+    _running_node.reset(token)
+
+
+@contextmanager
+def node_scope(path: str) -> Iterator[None]:
+    """`enter_node` and `leave_node` around a block."""
+    token = enter_node(path)
+    try:
+        yield
+    finally:
+        leave_node(token)
+
+
+def current_node() -> str | None:
+    """Path of the node this code runs for, or None outside a policy."""
+    return _running_node.get()
+
+
+def assert_privileged(what: str) -> None:
+    """Raise `PrivilegedReadError` when called on behalf of a policy node."""
+    node = _running_node.get()
+    if node is not None:
+        raise PrivilegedReadError(
+            f"Node {node!r} tried to read {what}, which only the simulator knows.",
+            hint="A policy sees cameras, joint states, gripper width and forces; use those.",
+        )

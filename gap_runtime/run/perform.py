@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from gap_runtime.contracts.privilege import enter_node, leave_node
+from gap_runtime.contracts.access import enter_node, leave_node
 from gap_runtime.graph.compiled import BoundCallable
 from gap_runtime.graph.values import copy_containers, require_finite
 from gap_runtime.run.attempt import DEADLINE, Attempt, deadline_error

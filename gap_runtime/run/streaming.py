@@ -7,9 +7,9 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from time import monotonic
 
+from gap_runtime.contracts.access import enter_node, leave_node
 from gap_runtime.contracts.cell import CellFrame
 from gap_runtime.contracts.failures import CancelledError, ToolError
-from gap_runtime.contracts.privilege import enter_node, leave_node
 from gap_runtime.contracts.tool import OBSERVED
 from gap_runtime.contracts.types.typeref import TypeRef
 from gap_runtime.graph.compiled import BoundCallable

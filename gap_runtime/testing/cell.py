@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from gap_runtime.contracts.access import assert_privileged
 from gap_runtime.contracts.cell import CellFrame
 from gap_runtime.contracts.failures import UnknownNameError
-from gap_runtime.contracts.privilege import assert_privileged
 from gap_runtime.contracts.simulator import Instance
 from gap_runtime.contracts.snapshot import ArmTruth, BodyState, WorldSnapshot
 from gap_runtime.contracts.types import (

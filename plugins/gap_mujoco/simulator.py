@@ -17,10 +17,9 @@ from gap_mujoco.rendering.camera import Renderer, camera_pose, observe
 from gap_mujoco.rendering.noise import SensorNoise
 from gap_mujoco.subscriptions import Ear
 from gap_mujoco.thread import WorldThread
-from gap_runtime.contracts.access import access
+from gap_runtime.contracts.access import access, assert_privileged, current_node
 from gap_runtime.contracts.cell import CellFrame
 from gap_runtime.contracts.failures import BadRequestError, GapError, TaskInfeasibleError, UnknownNameError
-from gap_runtime.contracts.privilege import assert_privileged, current_node
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.simulator import Instance
 from gap_runtime.contracts.snapshot import WorldSnapshot

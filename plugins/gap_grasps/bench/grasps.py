@@ -12,7 +12,7 @@ from gap_grasps.bench.objects import Subject, bench_task, place, rest, subjects
 from gap_grasps.bench.perception import cloud_of, handle_of, pixels
 from gap_grasps.bench.sampling import drawn_evenly, pool_of
 from gap_grasps.pose_error import DECLARED
-from gap_runtime.contracts.privilege import node_scope
+from gap_runtime.contracts.access import node_scope
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.simulator import Instance, Simulator
 from gap_runtime.contracts.standalone import StandaloneContext

@@ -11,9 +11,9 @@ from gap_perception.bench.scenes import LEVELS, Clutter, bench_task, sample_scen
 from gap_perception.bench.truth import judge
 from gap_perception.frames import remember
 from gap_perception.scene.analyse import library_of
+from gap_runtime.contracts.access import node_scope
 from gap_runtime.contracts.cell import Cell
 from gap_runtime.contracts.failures import ToolError
-from gap_runtime.contracts.privilege import node_scope
 from gap_runtime.contracts.snapshot import WorldSnapshot
 from gap_runtime.contracts.standalone import StandaloneContext
 from gap_runtime.contracts.task import Task

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from gap_mujoco.rendering import gl
+from gap_runtime.contracts.access import node_scope
 from gap_runtime.contracts.failures import PrivilegedReadError
-from gap_runtime.contracts.privilege import node_scope
 
 pytestmark = pytest.mark.sim
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from gap_mujoco.simulator import MujocoSimulator
+from gap_runtime.contracts.access import node_scope
 from gap_runtime.contracts.failures import (
     BadRequestError,
     GapError,
@@ -19,7 +20,6 @@ from gap_runtime.contracts.failures import (
     TaskInfeasibleError,
     UnknownNameError,
 )
-from gap_runtime.contracts.privilege import node_scope
 from gap_runtime.contracts.types import Se3Pose, Vec3
 
 pytestmark = pytest.mark.sim

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from gap_perception.bench.scenes import LEVELS, SCENE, bench_task, sample_scene
-from gap_runtime.contracts.privilege import node_scope
+from gap_runtime.contracts.access import node_scope
 from gap_runtime.contracts.standalone import StandaloneContext
 from gap_runtime.contracts.task import load_task
 from gap_runtime.plugins import load_registry

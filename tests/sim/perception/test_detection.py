@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gap_perception.bench.scenes import SCENE
-from gap_runtime.contracts.privilege import node_scope
+from gap_runtime.contracts.access import node_scope
 from gap_runtime.contracts.simulator import Instance
 from gap_runtime.contracts.types import BoundingBox2D, Image, Quaternion, Se3Pose, Vec3
 

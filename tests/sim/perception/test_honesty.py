@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gap_perception.frames import remember
+from gap_runtime.contracts.access import node_scope
 from gap_runtime.contracts.encoding.codec import to_plain
 from gap_runtime.contracts.failures import BadRequestError, PrivilegedReadError, ToolError, UnknownNameError
-from gap_runtime.contracts.privilege import node_scope
 from gap_runtime.contracts.types import BoundingBox2D, DepthImage, Image, Observation
 
 pytestmark = pytest.mark.sim

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from gap_runtime.contracts.access import node_scope
 from gap_runtime.contracts.failures import BadRequestError
-from gap_runtime.contracts.privilege import node_scope
 from gap_runtime.contracts.types import BoundingBox2D, Image
 
 pytestmark = pytest.mark.sim

@@ -3,8 +3,8 @@ import threading
 
 import pytest
 
+from gap_runtime.contracts.access import assert_privileged, current_node, enter_node, leave_node, node_scope
 from gap_runtime.contracts.failures import PrivilegedReadError
-from gap_runtime.contracts.privilege import assert_privileged, current_node, enter_node, leave_node, node_scope
 
 
 def test_outside_a_node_the_truth_may_be_read():
