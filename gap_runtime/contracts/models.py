@@ -15,10 +15,10 @@ class Document(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, populate_by_name=True)
 
     @classmethod
-    def load(cls, data: Any, where: str) -> Self:
+    def load(cls, data: Any, where: str, context: dict[str, Any] | None = None) -> Self:
         """Validate plain data. Raises `DocumentError` naming the first bad key and how many more there are."""
         try:
-            return cls.model_validate(data)
+            return cls.model_validate(data, context=context)
         except ValidationError as error:
             raise _document_error(cls, error, where) from None
 

@@ -24,8 +24,8 @@ CONTAINED_MARGIN = 0.01  # m: how far below a cavity's floor a body's origin may
 class BodyState:
     """One object. `box` is its bounding box now; `cavity` the free space inside a container, both in the world frame.
 
-    `contacts` names what it touches: object ids, supports, or `robot:<arm>:<link>`; fingers are
-    `robot:<arm>:left_finger` and `robot:<arm>:right_finger`.
+    `parts` are the named places of an articulated object. `contacts` names what it touches: object ids (`stove:knob`
+    for a link), supports, or `robot:<arm>:<link>`; fingers are `robot:<arm>:left_finger`, `robot:<arm>:right_finger`.
     """
 
     name: str
@@ -35,6 +35,7 @@ class BodyState:
     angular_speed: float
     contacts: frozenset[str]
     cavity: Annotated[OrientedBoundingBox, WORLD] | None = None
+    parts: Mapping[str, Annotated[OrientedBoundingBox, WORLD]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -51,13 +52,26 @@ class Truth:
         orientation = Quaternion.of(Rotation.from_matrix(R))
         box = OrientedBoundingBox(Vec3.of(position), Vec3.of(np.array(shape.size) / 2), orientation)
         hollow = None
-        if shape.wall is not None:
+        if shape.wall is not None or shape.cavity is not None:
             centre, half = cavity(shape)
             hollow = OrientedBoundingBox(Vec3.of(position + R @ centre), Vec3.of(half), orientation)
-        velocity = data.qvel[self._dof(body)]
+        velocity = np.zeros(6) if self._models[name].fixed else data.qvel[self._dof(body)]
         linear, angular = (float(np.linalg.norm(v)) for v in (velocity[:3], velocity[3:]))
         pose = Se3Pose(Vec3.of(position), orientation)
-        return BodyState(name, pose, box, linear, angular, frozenset(contacts - {name}), hollow)
+        contacts = {c for c in contacts if c.partition(":")[0] != name}
+        return BodyState(name, pose, box, linear, angular, frozenset(contacts), hollow, self._sites(name))
+
+    def _sites(self, name: str) -> dict[str, OrientedBoundingBox]:
+        """The named places of an articulated object, by site."""
+        model, data, found = self._physics.model, self._physics.data, {}
+        for site in range(model.nsite):
+            owner, _, place = str(model.site(site).name).partition("/")
+            if owner == name:
+                turn = Quaternion.of(Rotation.from_matrix(data.site_xmat[site].reshape(3, 3)))
+                found[place] = OrientedBoundingBox(
+                    Vec3.of(data.site_xpos[site].copy()), Vec3.of(_half_size(model, site)), turn
+                )
+        return found
 
     def _dof(self, body: int) -> slice:
         first = int(self._physics.model.body_dofadr[body])
@@ -70,8 +84,8 @@ class Truth:
         active = contact.geom[contact.efc_address >= 0]
         for pair in {tuple(p) for p in active.tolist()}:
             a, b = (self._owners[g] for g in pair)
-            touching.setdefault(a, set()).add(b)
-            touching.setdefault(b, set()).add(a)
+            touching.setdefault(a.partition(":")[0], set()).add(b)
+            touching.setdefault(b.partition(":")[0], set()).add(a)
         return touching
 
 
@@ -85,7 +99,7 @@ def _body_name(model: Any, scene: Scene, body: int) -> str:
     """'' for the world itself, whose geoms have names of their own."""
     owner, _, link = str(model.body(body).name).partition("/")
     if owner in scene.objects:
-        return owner
+        return f"{owner}:{link}" if link else owner
     arms = [f"arm{i}" for i in range(len(scene.robots))]
     if owner not in arms:
         return ""
@@ -96,6 +110,14 @@ def _body_name(model: Any, scene: Scene, body: int) -> str:
         if joint in fingers:
             link = ("left_finger", "right_finger")[fingers.index(joint)]
     return f"robot:{arm}:{link}"
+
+
+def _half_size(model: Any, site: int) -> Array:
+    """Half-extents [m] of a box or cylinder; of a sphere, its radius along each axis."""
+    kind, size = model.site_type[site], model.site_size[site]
+    if kind == mujoco.mjtGeom.mjGEOM_BOX:
+        return np.array(size)
+    return np.array([size[0], size[0], size[1] if kind == mujoco.mjtGeom.mjGEOM_CYLINDER else size[0]])
 
 
 def _joint_address(model: Any, name: str) -> int:

@@ -93,7 +93,7 @@ class MujocoSimulator:
         self._noise.draw(instance.seed)
         data = self._physics.data
         for name, pose in instance.poses.items():
-            data.joint(f"{name}/").qpos[:] = pose_qpos(pose)
+            self._place(name, pose)
         for name, value in instance.joints.items():
             data.qpos[self._truth.joint_address(name)] = value
         for drive in self._drives:
@@ -104,6 +104,14 @@ class MujocoSimulator:
             self._come_to_rest(instance)
         self._physics.start_clock()
         self._start = self._truth.snapshot(None)
+
+    def _place(self, name: str, pose: Se3Pose) -> None:
+        model, numbers = self._physics.model, pose_qpos(pose)
+        body = model.body(f"{name}/")
+        if body.dofnum[0]:
+            self._physics.data.joint(f"{name}/").qpos[:] = numbers
+        else:  # bolted down: where, is part of the model
+            model.body_pos[body.id], model.body_quat[body.id] = numbers[:3], numbers[3:]
 
     def _come_to_rest(self, instance: Instance) -> None:
         self._physics.run(SETTLE_MIN)

@@ -17,7 +17,8 @@ AROUND = 32  # sides a round wall is drawn with
 def entity(name: str, model: ObjectModel, stamp: fg.Timestamp) -> fg.SceneEntity:
     """The object `name`, drawn in the frame of the same name."""
     tint = color(model.looks)
-    draw = {"box": _box, "cylinder": _cylinder, "open_box": _open_box, "pan": _vessel, "mug": _vessel}
+    draw = {"box": _box, "cylinder": _cylinder, "open_box": _open_box, "pan": _vessel, "mug": _vessel,
+            "mesh": _box, "articulated": _box}  # fmt: skip
     return fg.SceneEntity(
         timestamp=stamp, frame_id=name, id=name, frame_locked=True, **draw[model.shape.kind](model.shape, tint),
         metadata=[fg.KeyValuePair(key="label", value=model.label)],

@@ -30,7 +30,7 @@ def load_task(path: Path, variant: str | None = None) -> Task:
     merged: dict[str, Any] = data
     for overlay in _overlays(variants, chosen, str(file)):
         merged = _merge(merged, overlay)
-    return Task.load({**merged, "variant": chosen, "path": path}, str(file))
+    return Task.load({**merged, "variant": chosen, "path": path}, str(file), {"folder": path})
 
 
 def _overlays(variants: dict[str, Any], chosen: str, where: str) -> list[dict[str, Any]]:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gap_mujoco.model.files import silhouette
 from gap_runtime.contracts.task import Shape
 from gap_runtime.contracts.types import Array
 
@@ -19,12 +20,17 @@ class Footprint(NamedTuple):
 
 def footprint(shape: Shape, xy: Array, yaw: float) -> Footprint:
     """Of a shape standing at `xy` [m], turned by `yaw` [rad]."""
+    if shape.kind == "mesh":
+        return Footprint(_turned(silhouette(shape), xy, yaw), 0.0)
     x, y = shape.size[0] / 2, shape.size[1] / 2
     if shape.kind == "cylinder":
         return Footprint(np.asarray(xy, float).reshape(1, 2), max(x, y))
+    return Footprint(_turned(np.array([[x, y], [-x, y], [-x, -y], [x, -y]]), xy, yaw), 0.0)
+
+
+def _turned(corners: Array, xy: Array, yaw: float) -> Array:
     c, s = np.cos(yaw), np.sin(yaw)
-    corners = np.array([[x, y], [-x, y], [-x, -y], [x, -y]])
-    return Footprint(corners @ np.array([[c, s], [-s, c]]) + xy, 0.0)
+    return np.asarray(corners @ np.array([[c, s], [-s, c]]) + xy)
 
 
 def clearance(a: Footprint, b: Footprint) -> float:

@@ -72,7 +72,9 @@ def _view(
     renderer: Renderer, model: Any, data: Any, name: str, yaw: float, elevation: float, distance: float,
     resolution: tuple[int, int],
 ) -> ModelView:  # fmt: skip
-    data.qpos.reshape(-1, 7)[:] = _ELSEWHERE
+    for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
+        start = model.jnt_qposadr[joint]
+        data.qpos[start : start + 7] = _ELSEWHERE
     half = np.radians(yaw) / 2
     data.joint(f"{name}/").qpos[:] = (0, 0, 0, np.cos(half), 0, 0, np.sin(half))
     model.cam_pos[0], rotation = _look_at_origin(elevation, distance)

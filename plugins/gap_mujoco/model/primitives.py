@@ -1,10 +1,23 @@
-"""The primitives that an object's collision geometry is made of."""
+"""The primitives that an object's collision geometry is made of, and what all its geoms share."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+
+from gap_runtime.contracts.task import ObjectModel
+
+VISUAL, COLLISION = 2, 3  # geom groups
+VISUAL_ONLY: dict[str, Any] = {"group": VISUAL, "contype": 0, "conaffinity": 0, "mass": 0}
+
+
+def contact_attributes(model: ObjectModel) -> dict[str, Any]:
+    """MJCF attributes of every collision geom of an object."""
+    return {
+        "group": COLLISION, "friction": (model.friction, 0.005, 0.0001), "condim": 4, "solref": (0.006, 1),
+        "solimp": (0.95, 0.99, 0.001),
+    }  # fmt: skip
 
 
 class CollisionPrimitive(NamedTuple):

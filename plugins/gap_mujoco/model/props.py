@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 from dm_control import mjcf
 
-from gap_mujoco.model.primitives import CollisionPrimitive
+from gap_mujoco.model.files import build_articulated, build_mesh
+from gap_mujoco.model.primitives import VISUAL_ONLY, CollisionPrimitive, contact_attributes
 from gap_mujoco.model.vessels import vessel_cavity, vessel_primitives
 from gap_mujoco.rendering.appearance import Looks, rgb
 from gap_mujoco.rendering.labels import draw_side, draw_top, draw_weave
@@ -16,7 +17,6 @@ from gap_mujoco.rendering.loft import Mesh, Section, face_widths, loft_cap, loft
 from gap_runtime.contracts.task import ObjectModel, Shape
 from gap_runtime.contracts.types import Array
 
-VISUAL, COLLISION = 2, 3  # geom groups
 _CAP_SHARE = 0.62  # a bottle's cap, as a share of its narrower side
 
 
@@ -51,18 +51,22 @@ _SILHOUETTES = {
 def build_object(name: str, model: ObjectModel) -> mjcf.RootElement:
     """MJCF of one object, its origin at the centre of its bounding box, its z axis up in the standing pose.
 
-    Raises `DocumentError` when its looks cannot be read.
+    Raises `DocumentError` when its looks or its file cannot be read.
     """
+    if model.shape.kind == "articulated":
+        return build_articulated(name, model)
     looks = Looks.of(model.looks, name)
     root = mjcf.RootElement(model=name)
     root.compiler.angle = "radian"
+    if model.shape.kind == "mesh":
+        build_mesh(root, model, looks)
+        return root
     primitives = collision_primitives(model.shape, looks)
     total = sum(p.volume for p in primitives)
     for primitive in primitives:
         root.worldbody.add(
             "geom", type=primitive.kind, size=primitive.size, pos=primitive.centre, quat=primitive.quaternion,
-            group=COLLISION, mass=model.mass * primitive.volume / total, friction=(model.friction, 0.005, 0.0001),
-            condim=4, solref=(0.006, 1), solimp=(0.95, 0.99, 0.001),
+            mass=model.mass * primitive.volume / total, **contact_attributes(model),
         )  # fmt: skip
     _add_visuals(root, model.shape, looks, primitives)
     return root
@@ -88,6 +92,8 @@ def collision_primitives(shape: Shape, looks: Looks) -> list[CollisionPrimitive]
 
 def cavity(shape: Shape) -> tuple[Array, Array]:
     """Centre and half-extents, in the object's frame, of the free space inside a container [m]."""
+    if shape.cavity is not None:
+        return np.array(shape.cavity[0]), np.array(shape.cavity[1])
     if shape.kind in ("pan", "mug"):
         return vessel_cavity(shape)
     x, y, z = shape.size
@@ -150,7 +156,7 @@ def _mesh(root: mjcf.RootElement, name: str, mesh: Mesh, material: Any) -> None:
         "mesh", name=name, inertia="shell", vertex=mesh.vertices.ravel(), face=mesh.faces.ravel(),
         texcoord=mesh.texcoords.ravel(),
     )  # fmt: skip
-    root.worldbody.add("geom", type="mesh", mesh=asset, material=material, **_VISUAL_ONLY)
+    root.worldbody.add("geom", type="mesh", mesh=asset, material=material, **VISUAL_ONLY)
 
 
 def _add_visual_primitives(root: mjcf.RootElement, primitives: list[CollisionPrimitive], **material: Any) -> None:
@@ -162,7 +168,7 @@ def _add_visual_primitives(root: mjcf.RootElement, primitives: list[CollisionPri
             pos=primitive.centre,
             quat=primitive.quaternion,
             **material,
-            **_VISUAL_ONLY,
+            **VISUAL_ONLY,
         )
 
 
@@ -178,6 +184,3 @@ def _material(root: mjcf.RootElement, name: str, image: Array, *, cube: bool = F
 def _rgba(colour: str) -> tuple[float, float, float, float]:
     r, g, b = rgb(colour)
     return r / 255, g / 255, b / 255, 1.0
-
-
-_VISUAL_ONLY: dict[str, Any] = {"group": VISUAL, "contype": 0, "conaffinity": 0, "mass": 0}

@@ -57,7 +57,13 @@ def compose(task: Task, scene: str, robots: Mapping[str, RobotSpec]) -> Scene:
         _attach_robot(root, spec, placement, f"arm{i}")
     objects = task.scene_objects(scene)
     for name, model in objects.items():
-        root.attach(build_object(name, model)).add("freejoint")
+        made = build_object(name, model)
+        frame = root.attach(made)
+        if not model.fixed:
+            frame.add("freejoint")
+            continue
+        for link in made.worldbody.body:  # MuJoCo lets a link collide with a fixed parent
+            root.contact.add("exclude", body1=frame, body2=link)
     return Scene(compile_model(root), placed, tuple(objects), {c.name: c for c in cameras})
 
 

@@ -16,6 +16,7 @@ Pattern = Literal["none", "letters", "disc", "stripes", "dots", "waves", "chevro
 class Looks(Document):
     """Appearance. `base` is the packaging's colour, `accent` that of the label's band and pattern, `ink` the print's.
 
+    texture picture of a mesh, in place of the file's own; a path beside the mesh
     text    what is printed on the label, one entry per line
     cap     colour of the cap, lid or metal; also of a basket's rim
     rim     how far the rim of an open box sticks out beyond its walls [m]
@@ -28,6 +29,7 @@ class Looks(Document):
     cap: Colour = "#d9dbe0"
     pattern: Pattern = "none"
     text: list[str] = []
+    texture: str = ""
     rim: Annotated[float, Field(ge=0)] = 0.0
 
     @classmethod

@@ -16,7 +16,7 @@ FILLER = frozenset(_FILLER.split())
 GENERIC = frozenset({"object", "thing", "item", "product"})
 KIND_WORDS = {
     "cylinder": "can tin cylinder", "box": "box pack package packet", "open_box": "container bin", "pan": "pan skillet",
-    "mug": "mug cup",
+    "mug": "mug cup", "mesh": "object thing", "articulated": "fixture",
 }  # fmt: skip
 STYLE_WORDS = {
     "can": "can tin", "carton": "carton pack package", "bottle": "bottle", "box": "box pack package packet",

@@ -10,7 +10,7 @@ import pytest
 
 from gap_mujoco.model.compiled import compile_model, new_root
 from gap_mujoco.model.models import build_object, cavity, render_views
-from gap_mujoco.model.props import COLLISION, VISUAL
+from gap_mujoco.model.primitives import COLLISION, VISUAL
 from gap_runtime.contracts.failures import DocumentError
 from gap_runtime.contracts.task import ObjectModel, Shape
 

@@ -8,8 +8,7 @@ import pytest
 
 from gap_mujoco.model.compiled import compile_model, new_root
 from gap_mujoco.model.models import build_object, cavity, collision_primitives, render_views
-from gap_mujoco.model.primitives import CollisionPrimitive
-from gap_mujoco.model.props import COLLISION
+from gap_mujoco.model.primitives import COLLISION, CollisionPrimitive
 from gap_runtime.contracts.failures import DocumentError
 from gap_runtime.contracts.task import ObjectModel, Shape
 

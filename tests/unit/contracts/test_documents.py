@@ -155,7 +155,7 @@ def test_a_file_is_named_with_the_line_that_is_not_utf8(tmp_path):
         read_yaml(path)
 
 
-@pytest.mark.parametrize("text", ["a: 1".encode("utf-16"), "a: größe".encode("latin-1"), b"\xef\xbb\xbfa: 1"])
+@pytest.mark.parametrize("text", ["a: 1".encode("utf-16"), "a: größe".encode("latin-1")])
 def test_other_encodings_are_refused(tmp_path, text):
     path = tmp_path / "x.yaml"
     path.write_bytes(text)
