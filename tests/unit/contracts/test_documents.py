@@ -163,6 +163,12 @@ def test_other_encodings_are_refused(tmp_path, text):
         read_yaml(path)
 
 
+def test_a_byte_order_mark_is_harmless(tmp_path):
+    path = tmp_path / "x.yaml"
+    path.write_bytes(b"\xef\xbb\xbfa: 1")
+    assert read_yaml(path) == {"a": 1}
+
+
 def test_what_is_not_a_readable_file_is_said_to_be_so(tmp_path):
     fifo = tmp_path / "fifo"
     os.mkfifo(fifo)
