@@ -10,7 +10,7 @@ from typing import Any
 
 from gap_runtime.contracts.documents import read_text
 from gap_runtime.contracts.failures import GapError
-from gap_runtime.contracts.skill import NAME_SLOT, SkillContract
+from gap_runtime.contracts.skill import NAME_SLOT, SkillContract, inside
 from gap_runtime.contracts.tool import Param, ToolSpec
 from gap_runtime.contracts.types.typeref import TypeRef
 from gap_runtime.graph.checkpoints import Checkpoint, parse_checkpoints
@@ -159,20 +159,6 @@ def read_catalog(
         problems,
         None if joints is None else frozenset(joints),
     )
-
-
-def inside(folder: Path, path: str) -> Path:
-    """`folder / path`. Raises `GapError` where that would leave the folder."""
-    from gap_runtime.contracts.skill import check_relative
-
-    try:
-        check_relative(path)
-        resolved = (folder / path).resolve()
-    except (ValueError, OSError) as error:
-        raise GapError(f"{path!r}: {error}") from None
-    if not resolved.is_relative_to(folder.resolve()):
-        raise GapError(f"{path!r} leads out of the workflow folder.")
-    return folder / path
 
 
 def contract_names(contract: SkillContract, names: Mapping[str, str]) -> tuple[dict[str, TypeRef], dict[str, TypeRef]]:

@@ -7,7 +7,6 @@ import os
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -85,12 +84,6 @@ def _print_cells(title: str, columns: Sequence[str], rows: Iterable[Sequence[Any
             if cell.strip():
                 out.print(f"{column}: {cell}" if column else cell, markup=False)
         out.print()
-
-
-def run_argument(run: Run) -> str:
-    """How to name the run on the next command line, quoted: by name where the default root finds it, else by path."""
-    root = Path(os.environ.get("GAP_RUNS", RUNS))
-    return quote(run.name if run.path.parent.resolve() == root.resolve() else str(run.path))
 
 
 def print_done(run: Run, stage: str, lines: Iterable[str], *, next_step: str = "") -> None:

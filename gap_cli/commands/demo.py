@@ -23,9 +23,9 @@ def demo(
 ) -> None:
     """Plan, generate, validate, rehearse and report: one command from a sentence to a number."""
     from gap_cli.commands.pipeline import generate_run, plan_run, validate_run
-    from gap_cli.commands.rehearse import Recorded, print_summary, rehearse_run
+    from gap_cli.commands.rehearse import Recorded, print_evaluation, raise_for, rehearse_run
     from gap_cli.report.page import write_report
-    from gap_cli.workspace.run_config import Asked
+    from gap_cli.workspace.run import RunConfig
     from gap_runtime.errors import WorkflowError
 
     out = console()
@@ -35,7 +35,7 @@ def demo(
             out.print(text, markup=False, soft_wrap=True)
 
     step(f'"{say}"')
-    run = plan_run(root, Asked(task=task, instruction=say))
+    run = plan_run(root, RunConfig(task=task, instruction=say))
     step(f"plan      -> {run.folder('plan')}")
     made = generate_run(run)
     step(f"generate  -> {run.folder('generate')}: {made['nodes']} nodes in {made['subgraphs']} subgraphs")
@@ -44,15 +44,15 @@ def demo(
         raise WorkflowError(errors)
     step(f"validate  -> {run.folder('validate')}: no errors")
     step(f"rehearse  -> {run.folder('rehearse/00')}: {n} instances on {workers} workers")
-    summary = rehearse_run(run, n, None, workers, Recorded.failed)
+    found = rehearse_run(run, n, None, workers, Recorded.failed)
     with run.held():
         page = write_report(run)
     if json:
-        print_json({"run": run.name, "path": str(run.path), "summary": summary.data, "clock": summary.clock,
+        print_json({"run": run.name, "path": str(run.path), "summary": found.summary, "clock": found.clock,
                     "report": str(page)})  # fmt: skip
     else:
         out.print()
-        print_summary(run, summary)
+        print_evaluation(found)
         out.print()
         for name, path in (
             ("graph", "generate/workflow.json"),
@@ -60,5 +60,4 @@ def demo(
             ("report", "report.html"),
         ):
             out.print(f"{name:9} {run.path / path}", markup=False, soft_wrap=True)
-    if summary.interrupted:
-        raise typer.Exit(130)
+    raise_for(found)

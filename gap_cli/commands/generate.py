@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from gap_cli.commands.common import RUNS, AsJson, Root, RunName, print_done, print_json, run_argument
+from gap_cli.commands.common import RUNS, AsJson, Root, RunName, print_done, print_json
 
 
 def generate(
@@ -27,4 +27,4 @@ def generate(
         print_json({"run": opened.name, "path": str(opened.folder("generate")), **made})
         return
     line = f"{opened.name}: {made['nodes']} nodes in {made['subgraphs']} subgraphs"
-    print_done(opened, "generate", [line], next_step=f"gap validate {run_argument(opened)}")
+    print_done(opened, "generate", [line], next_step=f"gap validate {opened.argument}")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gap_cli.commands.common import RUNS, AsJson, Root, complete_task, print_done, print_json, run_argument
+from gap_cli.commands.common import RUNS, AsJson, Root, complete_task, print_done, print_json
 
 
 def plan(
@@ -24,18 +24,18 @@ def plan(
 ) -> None:
     """Decide which skill serves which segment of the task, and start a run."""
     from gap_cli.commands.pipeline import plan_run
-    from gap_cli.workspace.run_config import Asked
+    from gap_cli.workspace.run import RunConfig
     from gap_runtime.contracts.documents import read_json
 
     question = {"task": task, "instruction": say, "variant": variant, "author": author, "seed": seed}
-    asked = Asked.load({**question, "providers": _pairs(provider or [])}, "gap plan")
-    run = plan_run(Path(root), asked)
+    config = RunConfig.load({**question, "providers": _pairs(provider or [])}, "gap plan")
+    run = plan_run(Path(root), config)
     data = read_json(run.folder("plan") / "plan.json")
     if json:
         print_json({"run": run.name, "path": str(run.path), "plan": data})
         return
     segments = [f"  {s['name']}: {s['skill']}" for s in data.get("segments", [])]
-    print_done(run, "plan", [f"{run.name}: {say}", *segments], next_step=f"gap generate {run_argument(run)}")
+    print_done(run, "plan", [f"{run.name}: {say}", *segments], next_step=f"gap generate {run.argument}")
 
 
 def _pairs(given: list[str]) -> dict[str, str]:

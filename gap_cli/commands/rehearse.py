@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gap_cli.commands.common import RUNS, AsJson, Root, RunName, print_done, print_json, print_table, run_argument
+from gap_cli.commands.common import RUNS, AsJson, Root, RunName, print_done, print_json, print_table
+from gap_runtime.errors import GapError
 
 if TYPE_CHECKING:
-    from gap_cli.rehearse.rehearsal import Summary
+    from gap_cli.rehearse.evaluate import Evaluation
     from gap_cli.workspace.run import Run
 
 
@@ -42,17 +43,19 @@ def rehearse(
     from gap_cli.workspace.run import Run
 
     opened = Run.open(root, run)
-    summary = rehearse_run(opened, n, seed, workers, record, engine)
+    found = rehearse_run(opened, n, seed, workers, record, engine)
     if json:
-        print_json({"run": opened.name, "path": str(summary.folder), "summary": summary.data, "clock": summary.clock})
+        path = str(opened.folder("rehearse/00"))
+        print_json({"run": opened.name, "path": path, "summary": found.summary, "clock": found.clock})
     else:
-        print_summary(opened, summary)
-        print_done(opened, "rehearse/00", [], next_step=f"gap report {run_argument(opened)}")
-    if summary.interrupted:
-        raise typer.Exit(130)
+        print_evaluation(found)
+        print_done(opened, "rehearse/00", [], next_step=f"gap report {opened.argument}")
+    raise_for(found)
 
 
-def rehearse_run(run: Run, n: int, seed: int | None, workers: int, record: Recorded, engine: str = "local") -> Summary:
+def rehearse_run(
+    run: Run, n: int, seed: int | None, workers: int, record: Recorded, engine: str = "local"
+) -> Evaluation:
     """Rehearse with a progress bar on stderr."""
     from gap_cli.commands.progress import episode_progress
     from gap_cli.rehearse.rehearsal import rehearse as roll_out
@@ -61,12 +64,12 @@ def rehearse_run(run: Run, n: int, seed: int | None, workers: int, record: Recor
         return roll_out(run, n, seed, workers, record.value, engine=engine, progress=progress, say=say)
 
 
-def print_summary(run: Run, summary: Summary) -> None:
+def print_evaluation(found: Evaluation) -> None:
     """The rate with its interval, the table of subgraphs, and the times."""
     from gap_cli.commands.common import console
     from gap_cli.rehearse.summary import rate_of
 
-    data, clock = summary.data, summary.clock
+    data, clock = found.summary, found.clock
     rows = [
         (s["node"], s["skill"], f"{s['validation']['passed']}/{s['validation']['of']}", _exits(s))
         for s in data["subgraphs"]
@@ -84,6 +87,18 @@ def print_summary(run: Run, summary: Summary) -> None:
     out.print(f"wall time   {_spread(clock['wall_s'])} per episode", markup=False)
     for group in data["failures"][:5]:
         out.print(f"{group['count']:>4} x {group['stage'] or '-'}: {group['reason']}", markup=False, soft_wrap=True)
+
+
+def raise_for(found: Evaluation) -> None:
+    """Exit 130 where the rehearsal was interrupted, 1 with an error where no episode says anything about the graph."""
+    if found.interrupted:
+        raise typer.Exit(130)
+    if not found.measured:
+        reasons = "; ".join(f"{g['count']} x {g['reason']}" for g in found.summary["failures"][:3])
+        raise GapError(
+            f"Nothing was measured: all {len(found.rows)} episodes are void ({reasons}).",
+            hint="What the workers printed is in rehearse/00/worker-*.log.",
+        )
 
 
 def _exits(subgraph: Any) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gap_cli.commands.common import RUNS, AsJson, Root, RunName, console, print_done, print_json, run_argument
+from gap_cli.commands.common import RUNS, AsJson, Root, RunName, console, print_done, print_json
 
 if TYPE_CHECKING:
     from gap_runtime.run.events import Event
@@ -40,7 +40,7 @@ def run(
     else:
         reason = ended.data.get("error") or ended.data.get("reason") or ""
         status = f"{'dry run' if dry else 'run'}: {ended.data['status']}" + (f": {reason}" if reason else "")
-        print_done(opened, "run", [status], next_step=f"gap view {run_argument(opened)}")
+        print_done(opened, "run", [status], next_step=f"gap view {opened.argument}")
     if not ended.success:
         raise typer.Exit(130 if ended.cancelled else 1)
 

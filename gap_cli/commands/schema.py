@@ -26,13 +26,18 @@ def schema(
 def schema_of(kind: str) -> dict[str, Any]:
     """The schema. Raises `UnknownNameError`."""
     from gap_cli.validate.schema import json_schema
-    from gap_cli.workspace.run_config import Asked
+    from gap_cli.workspace.run import RunConfig
     from gap_runtime.contracts.skill import SkillContract
     from gap_runtime.contracts.task import Task
     from gap_runtime.errors import UnknownNameError
     from gap_runtime.graph.model import Workflow
 
-    models: dict[str, type[BaseModel]] = {"workflow": Workflow, "contract": SkillContract, "task": Task, "run": Asked}
+    models: dict[str, type[BaseModel]] = {
+        "workflow": Workflow,
+        "contract": SkillContract,
+        "task": Task,
+        "run": RunConfig,
+    }
     if kind not in models:
         raise UnknownNameError("kind of document", kind, KINDS)
     return json_schema(models[kind], kind, leave_out=("path", "variant") if kind == "task" else ())

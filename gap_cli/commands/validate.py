@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from gap_cli.commands.common import RUNS, AsJson, Root, RunName, print_done, print_json, print_table, run_argument
+from gap_cli.commands.common import RUNS, AsJson, Root, RunName, print_done, print_json, print_table
 
 if TYPE_CHECKING:
     from gap_runtime.errors import Finding
@@ -29,7 +29,7 @@ def validate(run: RunName = None, root: Root = RUNS, json: AsJson = False) -> No
                 rows = [(f.severity, f.code, within(f), str(f.line or ""), f.message, f.hint) for f in group]
                 print_table(place, ("", "rule", "where", "line", "what", "do"), rows)
         verdict = f"{opened.name}: {len(errors)} errors, {len(findings) - len(errors)} notes"
-        step = f"gap rehearse {run_argument(opened)}" if not errors else "mend the graph, then gap validate again"
+        step = f"gap rehearse {opened.argument}" if not errors else "mend the graph, then gap validate again"
         print_done(opened, "validate", [verdict], next_step=step)
     if errors:
         raise typer.Exit(1)

@@ -11,7 +11,7 @@ import numpy as np
 from gap_cli.rehearse.episode_monitor import Watch
 from gap_cli.rehearse.judge import Verdict, judge
 from gap_cli.rehearse.prepare import Prepared
-from gap_cli.rehearse.rows import SCHEMA, lost_row
+from gap_cli.rehearse.rows import SCHEMA, void_episode
 from gap_runtime.contracts.encoding.codec import to_plain
 from gap_runtime.contracts.engine import EpisodeResult
 from gap_runtime.contracts.failures import GapError, SimulationDivergedError, TaskInfeasibleError
@@ -43,7 +43,7 @@ def run_episode(
         return _lost(seed, "diverged", error), False
     began, reset_s = simulator.time, time.perf_counter() - start
     on_reset()
-    watch = Watch(simulator, prepared.graph, prepared.checkpoints, prepared.conditions.objects)
+    watch = Watch(simulator, prepared.graph, prepared.bundle.checkpoints, prepared.conditions.objects)
     try:
         result = run_graph(prepared.graph, setup, [watch, *observers])
         motion = simulator.time - began
@@ -128,4 +128,4 @@ def _divergence(result: RunResult) -> SimulationDivergedError | None:
 
 
 def _lost(seed: int, status: str, error: GapError) -> EpisodeResult:
-    return EpisodeResult(seed, lost_row(seed, status, str(error)), {"seed": seed})
+    return EpisodeResult(seed, void_episode(seed, status, str(error)), {"seed": seed})

@@ -10,8 +10,10 @@ from gap_cli.rehearse.episode import run_episode
 from gap_cli.rehearse.prepare import Prepared, prepare, tools_used
 from gap_cli.rehearse.recording.frames import save_frame
 from gap_cli.rehearse.warm import warm_up
-from gap_cli.workspace.recording_paths import recording_path
+from gap_cli.workspace.inventory import Inventory
+from gap_cli.workspace.metadata import recording_path
 from gap_cli.workspace.run import Run
+from gap_runtime.bundle.bundle import GraphBundle
 from gap_runtime.contracts.cell import CellFrame
 from gap_runtime.contracts.engine import EpisodeResult, RehearsalJob
 from gap_runtime.contracts.simulator import Simulator
@@ -38,8 +40,8 @@ class Stage:
     @classmethod
     def build(cls, job: RehearsalJob) -> Stage:
         """Compile the graph and make the world. Raises `GapError` for what would fail every episode."""
-        prepared = prepare(Run(job.run), job.workflow)
-        inventory = prepared.inventory
+        inventory = Inventory.of(Run(job.run).config)
+        prepared = prepare(GraphBundle.load(job.run), job.run, inventory)
         warm_up(inventory.registry, inventory.task, frozenset(tools_used(prepared.graph)))
         return cls(job, prepared, make_simulator(prepared), open_jail(prepared))
 
@@ -79,7 +81,7 @@ def make_setup(prepared: Prepared, simulator: Simulator, seed: int, jail: Script
 
     def broken(node: str, ref: str, end: str) -> list[str]:
         snapshot = simulator.snapshot()
-        points = [p for p in prepared.checkpoints.get(ref, ()) if p.validate]
+        points = [p for p in prepared.bundle.checkpoints.get(ref, ()) if p.validate]
         return [p.name for p in points if evaluate(p.predicate, snapshot) is not True]
 
     return RunSetup(
@@ -95,7 +97,7 @@ def make_simulator(prepared: Prepared) -> Simulator:
     if name not in cells:
         raise UnknownNameError("simulator", name, cells)
     factory: Callable[..., Any] = cells[name].value
-    simulator: Simulator = factory(inventory.task, prepared.scene, inventory.robots)
+    simulator: Simulator = factory(inventory.task, prepared.bundle.goals.scene, inventory.robots)
     return simulator
 
 
@@ -120,7 +122,7 @@ class _Recording:
         self._unsubscribe: Callable[[], None] | None = None
         self.recorder: McapRecorder = McapRecorder(
             recording_path(stage.job.output, seed),
-            task.scene_objects(stage.prepared.scene),
+            task.scene_objects(stage.prepared.bundle.goals.scene),
             tuple(inventory.robots[placement.model] for placement in task.robots),
         )
 

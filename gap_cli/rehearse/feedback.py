@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from gap_cli.rehearse.rows import LOST
+from gap_cli.rehearse.rows import VOID
 from gap_cli.rehearse.summary import Row, last_visit, rate_of
 
 REPRESENTATIVE = 3  # failure groups shown in full
@@ -63,7 +63,7 @@ def _case(group: Mapping[str, Any], rows: Sequence[Row]) -> dict[str, Any]:
     shown = group["seeds"][:SHOWN_SEEDS]
     seeds = ", ".join(map(str, shown)) + (", ..." if len(group["seeds"]) > len(shown) else "")
     return {**group, "seed": row["seed"], "seed_list": seeds, "numbers": _numbers(row, group["stage"]),
-            "transitions": _transitions(row, group["stage"]), "lost": row["status"] in LOST}  # fmt: skip
+            "transitions": _transitions(row, group["stage"]), "lost": row["status"] in VOID}  # fmt: skip
 
 
 def _numbers(row: Row, stage: str) -> list[str]:
@@ -109,7 +109,7 @@ def _signal(summary: Mapping[str, Any]) -> list[str]:
     lines = [f"{lost} episodes are void ({_void(summary)}): mend the simulation before the graph."] if lost else []
     by_stage: dict[str, int] = {}
     for group in summary["failures"]:
-        if group["status"] not in LOST:
+        if group["status"] not in VOID:
             by_stage[group["stage"]] = by_stage.get(group["stage"], 0) + group["count"]
     about = {s["node"]: s for s in summary["subgraphs"]}
     for stage, count in sorted(by_stage.items(), key=lambda item: (-item[1], item[0])):

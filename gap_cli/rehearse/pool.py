@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from threading import Event
 
 from gap_cli.rehearse.process import Worker
-from gap_cli.rehearse.rows import lost_row
+from gap_cli.rehearse.rows import void_episode
 from gap_runtime.contracts.engine import EpisodeResult, RehearsalJob
 from gap_runtime.errors import GapError, RunError
 
@@ -119,7 +119,7 @@ class _Pool:
         del self.workers[worker.slot]
         worker.end()
         if worker.seed is not None:
-            self.report(EpisodeResult(worker.seed, lost_row(worker.seed, status, reason), {"seed": worker.seed}))
+            self.report(EpisodeResult(worker.seed, void_episode(worker.seed, status, reason), {"seed": worker.seed}))
         if not worker.ready:
             self.lost_starts += 1
             if self.lost_starts >= STARTS_LOST:

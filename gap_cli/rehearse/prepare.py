@@ -1,4 +1,4 @@
-"""Everything about a run that episodes share and no world is needed for: its graph, goals, checkpoints, judge."""
+"""Everything about a bundle that episodes share and no world is needed for: its compiled graph and its judge."""
 
 from __future__ import annotations
 
@@ -7,101 +7,49 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pydantic import ConfigDict, Field
-
 from gap_cli.rehearse.judge import Conditions, make_conditions
 from gap_cli.workspace.inventory import Inventory
-from gap_cli.workspace.run import Run
-from gap_cli.workspace.stages import digest, product
-from gap_runtime.contracts.documents import read_json, read_text
-from gap_runtime.contracts.models import Document
-from gap_runtime.errors import RunError
-from gap_runtime.graph.checkpoints import Checkpoint, parse_checkpoints
+from gap_runtime.bundle.bundle import GraphBundle
 from gap_runtime.graph.compile import compile_workflow
 from gap_runtime.graph.compiled import CompiledGraph
-from gap_runtime.graph.load import load_workflow
 from gap_runtime.graph.model import START, Workflow
-
-
-class PlanPart(Document):
-    """What rolling out and judging needs of plan.json; the author owns the rest of it."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True)
-    scene: str
-    goals: list[dict[str, str]] = Field(min_length=1)
-
-
-class FindingPart(Document):
-    """What the gate before a rehearsal needs of a finding."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True)
-    code: str
-    path: str
-    message: str
-    severity: str = "error"
-
-
-class Validated(Document):
-    """What the gate before a rehearsal needs of findings.json: the digest of the graph it judged, and the verdict."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True)
-    workflow: str
-    findings: list[FindingPart]
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A graph ready to be run and judged. `checkpoints` are by subgraph definition."""
+    """A bundle ready to be run and judged. `goals` map a role to an object of the task."""
 
     inventory: Inventory
-    file: Path
+    bundle: GraphBundle
     graph: CompiledGraph
-    scene: str
     goals: tuple[Mapping[str, str], ...]
     conditions: Conditions
-    checkpoints: Mapping[str, tuple[Checkpoint, ...]]
 
 
-def prepare(run: Run, workflow: Path | None = None) -> Prepared:
-    """Compile the run's graph (or another `workflow` of the same plan). Raises `RunError`, `DocumentError`, ..."""
-    file = workflow or product(run, "generate")
-    where = product(run, "plan")
-    plan = PlanPart.load(read_json(where), str(where))
-    inventory = Inventory.of(run.asked)
-    model = load_workflow(file)
+def compile_bundle(bundle: GraphBundle, folder: Path, inventory: Inventory) -> CompiledGraph:
+    """The bundle's graph, with the scripts in `folder`; those that are an installed skill's own run in process.
+
+    Raises `UnknownNameError`, `DocumentError`.
+    """
     tools, library = inventory.registry.tools, inventory.library
-    canonical = library.canonical_scripts(model, file.parent)
-    graph = compile_workflow(model, file.parent, tools, library.contracts, canonical)
+    canonical = library.canonical_scripts(bundle.workflow, folder)
+    return compile_workflow(bundle.workflow, folder, tools, library.contracts, canonical)
+
+
+def prepare(bundle: GraphBundle, folder: Path, inventory: Inventory) -> Prepared:
+    """Compile the bundle stored in `folder` and read its goals and checkpoints. Raises `RunError`, `DocumentError`."""
+    graph = compile_bundle(bundle, folder, inventory)
     objects = inventory.task.objects
-    goals = tuple({role: name for role, name in goal.items() if name in objects} for goal in plan.goals)
-    return Prepared(
-        inventory, file, graph, plan.scene, goals, make_conditions(inventory.task, goals),
-        {name: _checkpoints(file.parent / "checkpoints" / f"{name}.py") for name in model.subgraphs},
-    )  # fmt: skip
+    goals = tuple({role: name for role, name in g.items() if name in objects} for g in bundle.goals.goals)
+    _ = bundle.checkpoints  # refused now where one cannot be read, not when the first subgraph ends
+    return Prepared(inventory, bundle, graph, goals, make_conditions(inventory.task, goals))
 
 
-def require_valid(run: Run) -> Path:
-    """The run's workflow, which `gap validate` accepted as it is now. Raises `RunError` with what to type."""
-    file = product(run, "generate")
-    where = product(run, "validate")
-    found = Validated.load(read_json(where), str(where))
-    again = f"Type: gap validate {run.name}"
-    if found.workflow != digest(file):
-        raise RunError(f"The graph of {run.name} has changed since it was validated.", hint=again)
-    errors = [f for f in found.findings if f.severity == "error"]
-    if errors:
-        first = errors[0]
-        raise RunError(
-            f"The graph of {run.name} has {len(errors)} errors: {first.code} {first.path}: {first.message}",
-            hint=f"Mend it. {again}",
-        )
-    return file
-
-
-def describe(prepared: Prepared, lock: Path) -> dict[str, Any]:
-    """What was rolled out, for the summary: question, graph, who served its tools, and its subgraphs in order."""
-    asked, library, graph = prepared.inventory.asked, prepared.inventory.library, prepared.graph
-    tools = prepared.inventory.registry.tools
+def describe(prepared: Prepared, lock: str) -> dict[str, Any]:
+    """What was rolled out, for the summary: question, bundle, who served its tools, and its subgraphs in order. `lock`
+    is the digest of the lock that the results depend on."""
+    inventory, graph = prepared.inventory, prepared.graph
+    config, library, tools = inventory.config, inventory.library, inventory.registry.tools
     used = tools_used(graph)
     subgraphs = []
     for name in in_order(graph.workflow):
@@ -114,8 +62,9 @@ def describe(prepared: Prepared, lock: Path) -> dict[str, Any]:
             "parameters": list(contract.parameters),
         })  # fmt: skip
     return {
-        "task": asked.task, "variant": asked.variant, "instruction": asked.instruction, "scene": prepared.scene,
-        "goals": [dict(goal) for goal in prepared.goals], "workflow": digest(prepared.file), "lock": digest(lock),
+        "task": config.task, "variant": config.variant, "instruction": config.instruction,
+        "scene": prepared.bundle.goals.scene, "goals": [dict(goal) for goal in prepared.goals],
+        "bundle": inventory.digest(prepared.bundle).sha256, "lock": lock,
         "providers": {name: f"{tools[name].provider} ({tools[name].plugin})" for name in used},
         "privileged_tools": [name for name in used if tools[name].spec.privileged],
         "jailed_nodes": sorted(graph.jailed),
@@ -147,7 +96,3 @@ def tools_used(graph: CompiledGraph) -> list[str]:
             found |= {node.callee.name} if node.callee.name in graph.callees else set()
             found |= node.callee.allowed
     return sorted(name for name in found if name in graph.callees and graph.callees[name].kind == "tool")
-
-
-def _checkpoints(file: Path) -> tuple[Checkpoint, ...]:
-    return parse_checkpoints(read_text(file), str(file)) if file.is_file() else ()

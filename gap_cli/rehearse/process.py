@@ -109,7 +109,7 @@ def encode_job(job: RehearsalJob) -> str:
 def decode_job(text: str) -> RehearsalJob:
     """The job that `encode_job` wrote."""
     values = json.loads(text)
-    for key in ("run", "workflow", "output"):
+    for key in ("run", "output"):
         values[key] = Path(values[key])
     return RehearsalJob(**values)
 

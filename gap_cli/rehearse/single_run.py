@@ -8,12 +8,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from gap_cli.rehearse.prepare import Prepared, prepare, require_valid
+from gap_cli.rehearse.prepare import Prepared, compile_bundle, prepare
 from gap_cli.render.timeline import STAGE, TRACE, Tracer
+from gap_cli.sandbox import level
 from gap_cli.workspace.canonical import json_text, jsonl_text
-from gap_cli.workspace.metadata import note
+from gap_cli.workspace.inventory import Inventory
+from gap_cli.workspace.metadata import record_stage
 from gap_cli.workspace.run import Run
-from gap_cli.workspace.stages import write_stage
+from gap_cli.workspace.stages import product, write_stage
+from gap_cli.workspace.validation import require_valid
+from gap_runtime.bundle.bundle import GraphBundle
 from gap_runtime.graph.compiled import CompiledGraph
 from gap_runtime.run.dry import dry as make_dry
 from gap_runtime.run.events import Observer
@@ -57,11 +61,16 @@ def run_once(
     too.
     """
     start = time.monotonic()
-    if not dry:
-        require_valid(run)
-    prepared = prepare(run)
-    chosen = run.asked.seed if seed is None else seed
-    graph = make_dry(prepared.graph, seed=chosen) if dry else prepared.graph
+    inventory = Inventory.of(run.config)
+    chosen = run.config.seed if seed is None else seed
+    if dry:
+        product(run, "generate")
+        bundle = GraphBundle.load(run.graph_folder)
+        graph = make_dry(compile_bundle(bundle, run.graph_folder, inventory), seed=chosen)
+    else:
+        bundle = require_valid(run, inventory, inventory.lock(level()))
+        prepared = prepare(bundle, run.graph_folder, inventory)
+        graph = prepared.graph
     if rules is not None:
         graph = substitute(graph, load_substitutions(rules).rules, str(rules))
     tracer = Tracer()
@@ -76,7 +85,7 @@ def run_once(
     header = {**tracer.rows[0], "dry": dry, "seed": chosen, **({"film": film} if film else {})}
     files = {"result.json": json_text(data), TRACE: jsonl_text([header, *tracer.rows[1:]])}
     write_stage(run, STAGE, files, keep=(VIDEO,) if film else ())
-    note(run, STAGE, start)
+    record_stage(run, STAGE, start)
     return Once(data, folder)
 
 

@@ -1,12 +1,11 @@
-"""The few statistics a rehearsal reports: a rate with its interval, and order statistics of durations."""
+"""The few statistics a rehearsal reports: a rate with its interval, and the spread of durations."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import NamedTuple
 
-Z95 = 1.959963984540054  # 97.5 % quantile of the standard normal distribution
+import numpy as np
 
 
 class Rate(NamedTuple):
@@ -26,25 +25,18 @@ class Rate(NamedTuple):
         return f"{self.value:.2f} ({self.passed}/{self.total}), 95 % interval {self.low:.2f} to {self.high:.2f}"
 
 
-def wilson(passed: int, total: int, z: float = Z95) -> Rate:
-    """Wilson's score interval for a binomial proportion (E. B. Wilson, JASA 22, 1927, 209-212)."""
-    if not 0 <= passed <= total:
-        raise ValueError(f"{passed} of {total} is not a rate")
-    if total == 0:
+def wilson(passed: int, total: int) -> Rate:
+    """The rate with Wilson's score interval (E. B. Wilson, JASA 22, 1927, 209-212). Raises ValueError for no rate."""
+    from scipy.stats import binomtest  # half a second: only who reports a rate waits for it
+
+    if total == 0 and passed == 0:
         return Rate(0, 0, 0.0, 1.0)
-    p = passed / total
-    scale = 1 + z * z / total
-    centre = (p + z * z / (2 * total)) / scale
-    half = z * math.sqrt(p * (1 - p) / total + z * z / (4 * total * total)) / scale
-    return Rate(passed, total, max(0.0, min(p, centre - half)), min(1.0, max(p, centre + half)))
+    interval = binomtest(passed, total).proportion_ci(confidence_level=0.95, method="wilson")
+    return Rate(passed, total, float(interval.low), float(interval.high))
 
 
-def quantile(values: Sequence[float], q: float) -> float | None:
-    """The q-quantile by linear interpolation; None of nothing."""
-    if not values:
-        return None
-    ordered = sorted(values)
-    place = q * (len(ordered) - 1)
-    below = math.floor(place)
-    above = min(below + 1, len(ordered) - 1)
-    return ordered[below] + (place - below) * (ordered[above] - ordered[below])
+def spread(values: Iterable[float]) -> dict[str, float | None]:
+    """Median, 90 % quantile and maximum, None of nothing."""
+    found = np.array(list(values))
+    names = {"median": 0.5, "p90": 0.9, "max": 1.0}
+    return {name: float(np.quantile(found, q)) if found.size else None for name, q in names.items()}

@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from gap_cli.rehearse.rows import LOST
-from gap_cli.rehearse.stats import Rate, quantile, wilson
+from gap_cli.rehearse.rows import VOID
+from gap_cli.rehearse.stats import Rate, spread, wilson
 
 SCHEMA = "gap/summary/v1"
 Row = Mapping[str, Any]
@@ -27,11 +27,9 @@ def summarize(rows: Sequence[Row], graph: Mapping[str, Any], *, seed: int, asked
         "episodes": len(rows),
         "partial": len(rows) < asked,
         "success": rate_dict(wilson(len(won), len(rows))),
-        "void": {status: n for status in LOST if (n := sum(r["status"] == status for r in rows))},
+        "void": {status: n for status in VOID if (n := sum(r["status"] == status for r in rows))},
         "disagreements": disagreements(rows),
-        "motion_s": {
-            name: quantile([r["motion_s"] for r in won], q) for name, q in (("median", 0.5), ("p90", 0.9), ("max", 1.0))
-        },
+        "motion_s": spread(r["motion_s"] for r in won),
         "subgraphs": [subgraph_summary(about, rows) for about in graph["subgraphs"]],
         "failures": failures(rows),
     }

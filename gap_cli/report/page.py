@@ -44,11 +44,11 @@ def render(run: Run) -> str:
 
 def commands(run: Run, summary: Any) -> list[str]:
     """What to type to get the same episodes again."""
-    asked = run.asked
-    plan = ["gap", "plan", "--task", asked.task, "--say", asked.instruction]
-    plan += ["--variant", asked.variant] if asked.variant else []
-    plan += ["--author", asked.author] if asked.author != "symbolic" else []
-    for tool, provider in asked.providers.items():
+    config = run.config
+    plan = ["gap", "plan", "--task", config.task, "--say", config.instruction]
+    plan += ["--variant", config.variant] if config.variant else []
+    plan += ["--author", config.author] if config.author != "symbolic" else []
+    for tool, provider in config.providers.items():
         plan += ["--provider", f"{tool}={provider}"]
     lines = [shlex.join(plan), "gap generate", "gap validate"]
     if summary:

@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from gap_cli.workspace.metadata import read_meta
-from gap_cli.workspace.recording_paths import frame_path, recording_path
+from gap_cli.workspace.metadata import frame_path, read_meta, recording_path
 from gap_cli.workspace.run import Run
 from gap_cli.workspace.stages import PRODUCT, product
 from gap_runtime.contracts.documents import parse_json, read_json, read_text
@@ -39,7 +38,7 @@ def gather(run: Run) -> dict[str, Any]:
     timings = {t["seed"]: t for t in read_rows(folder / "timings.jsonl")} if summary else {}
     lock = read_optional(run.path / "lock.json") or {}
     return {
-        "name": run.name, "asked": run.asked, "plan": read_optional(run.path / PRODUCT["plan"]) or {},
+        "name": run.name, "config": run.config, "plan": read_optional(run.path / PRODUCT["plan"]) or {},
         "summary": summary, "rows": rows, "lock": lock, "stages": read_meta(run).get("stages", {}),
         "clock": read_meta(run).get("stages", {}).get("rehearse", {}),
         "episodes": [episode(row, timings.get(row["seed"], {}), folder) for row in sorted(rows, key=_failures_first)],

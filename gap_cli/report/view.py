@@ -48,7 +48,7 @@ class View:
     def write(self) -> list[Path]:
         """Write view.html and graph.mmd beside the run. Raises `StorageError`."""
         video, began = self.film or (None, 0.0)
-        title = f"{self.run.name}: {self.run.asked.instruction}"
+        title = f"{self.run.name}: {self.run.config.instruction}"
         html = page(self.workflow, self.sources, self.timeline, title=title, video=video, video_start=began)
         files = {self.run.path / PAGE: html, self.run.path / MERMAID: self.mermaid}
         for file, text in files.items():

@@ -8,8 +8,10 @@ from typing import Any
 
 from gap_cli.skills import SkillLibrary, load_library
 from gap_cli.workspace.lock import build_lock
-from gap_cli.workspace.run_config import Asked
+from gap_cli.workspace.run import RunConfig
 from gap_cli.workspace.tasks import open_task
+from gap_runtime.bundle.bundle import GraphBundle
+from gap_runtime.bundle.digest import BundleDigest
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.task import Task
 from gap_runtime.contracts.tool import ToolSpec
@@ -20,21 +22,21 @@ from gap_runtime.plugins import Registry, load_registry
 class Inventory:
     """The registry for one question, and what follows from it on demand."""
 
-    asked: Asked
+    config: RunConfig
     registry: Registry = field(repr=False)
 
     @classmethod
-    def of(cls, asked: Asked) -> Inventory:
+    def of(cls, config: RunConfig) -> Inventory:
         """Load the plugins. Raises `UnknownNameError` for a provider that is not there, `PluginError` for a clash."""
         registry = load_registry()
-        for tool, provider in asked.providers.items():
+        for tool, provider in config.providers.items():
             registry.choose(tool, provider)
-        return cls(asked, registry)
+        return cls(config, registry)
 
     @cached_property
     def task(self) -> Task:
         """The task with its variant. Raises `UnknownNameError`, `DocumentError`."""
-        return open_task(self.registry, self.asked.task, self.asked.variant)
+        return open_task(self.registry, self.config.task, self.config.variant)
 
     @cached_property
     def library(self) -> SkillLibrary:
@@ -51,7 +53,14 @@ class Inventory:
         """The specs of the task's robots by model name. Raises `UnknownNameError`."""
         return {placement.model: self.registry.robot(placement.model) for placement in self.task.robots}
 
+    def digest(self, bundle: GraphBundle) -> BundleDigest:
+        """What the bundle holds, and the tools and skills installed here that it relies on."""
+        return bundle.digest(self.tools, self.library.contracts, self._skill_digests)
+
+    @cached_property
+    def _skill_digests(self) -> dict[str, str]:
+        return {name: skill.digest for name, skill in self.library.items()}
+
     def lock(self, sandbox: str) -> dict[str, Any]:
         """The content of lock.json; `sandbox` says how untrusted code is confined here (`gap_cli.sandbox.level`)."""
-        skills = {name: bundle.digest for name, bundle in self.library.items()}
-        return build_lock(self.registry, self.task, skills, sandbox)
+        return build_lock(self.registry, self.task, self._skill_digests, sandbox)

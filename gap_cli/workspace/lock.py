@@ -8,6 +8,7 @@ from typing import Any
 
 from gap_cli import __version__
 from gap_cli.workspace.stages import digest, folder_digest
+from gap_runtime.bundle.digest import BundleDigest, differences
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.task import Task
 from gap_runtime.contracts.tool import Tool
@@ -32,6 +33,25 @@ def build_lock(registry: Registry, task: Task, skills: Mapping[str, str], sandbo
         "libraries": _versions(LIBRARIES),
         "tools": lock_tools(registry.tools),
     }
+
+
+def lock_changes(before: Mapping[str, Any], now: Mapping[str, Any], used: BundleDigest) -> list[str]:
+    """What differs between two locks and can change what a bundle that relies on `used` does, each part by name. The
+    contracts of tools and the digests of skills are the bundle's own business (`BundleDigest.changes`)."""
+    found = [f"{key} changed from {before.get(key)} to {now[key]}" for key in ("engine", "sandbox")
+             if before.get(key) != now[key]]  # fmt: skip
+    if before.get("task") != now["task"]:
+        found.append(f"task {now['task']['name']} changed")
+    found += differences(before.get("robots", {}), now["robots"], "robot ")
+    found += differences(before.get("libraries", {}), now["libraries"], "library ")
+
+    def serving(lock: Mapping[str, Any]) -> dict[str, str]:
+        """Who serves each tool that is used, and in which version."""
+        tools = {name: tool for name, tool in lock.get("tools", {}).items() if name in used.tools}
+        versions = lock.get("plugins", {})
+        return {n: f"{t['provider']} ({t['plugin']} {versions.get(t['plugin'], '')})" for n, t in tools.items()}
+
+    return found + differences(serving(before), serving(now), "the provider of tool ")
 
 
 def lock_tools(tools: Mapping[str, Tool]) -> dict[str, dict[str, str]]:

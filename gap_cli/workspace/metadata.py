@@ -1,4 +1,4 @@
-"""meta.json and timings.jsonl: everything that depends on when and where a run was made. Never seen by git."""
+"""What git does not see of a run: meta.json and timings.jsonl (when, where, how long), pictures and recordings."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import platform
 import time
 from collections.abc import Iterable
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 from gap_cli.workspace.canonical import write_json, write_jsonl
@@ -25,7 +26,7 @@ def read_meta(run: Run) -> dict[str, Any]:
     return data if isinstance(data, dict) else {}
 
 
-def note(run: Run, stage: str, started: float, **values: Any) -> None:
+def record_stage(run: Run, stage: str, started: float, **values: Any) -> None:
     """Record when `stage` was done, how long it took since `started` (monotonic seconds), on which machine, and
     `values`. Raises `StorageError`."""
     from gap_cli import __version__
@@ -41,3 +42,13 @@ def note(run: Run, stage: str, started: float, **values: Any) -> None:
 def write_timings(run: Run, stage: str, rows: Iterable[dict[str, Any]]) -> None:
     """Write `<stage>/timings.jsonl`: measured seconds, one row per episode. Raises `StorageError`."""
     write_jsonl(run.folder(stage) / "timings.jsonl", rows)
+
+
+def frame_path(folder: Path, seed: int, which: str) -> Path:
+    """Where the `first` or `last` frame of a seed goes."""
+    return folder / "frames" / f"seed-{seed:06d}-{which}.png"
+
+
+def recording_path(folder: Path, seed: int) -> Path:
+    """Where the recording of a seed goes."""
+    return folder / f"seed-{seed:06d}.mcap"

@@ -5,20 +5,37 @@ from __future__ import annotations
 import fcntl
 import os
 import re
+import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
 
 from gap_cli.workspace.atomic import storage_error
 from gap_cli.workspace.canonical import write_yaml
-from gap_cli.workspace.run_config import Asked
 from gap_runtime.contracts.documents import read_yaml
+from gap_runtime.contracts.models import Document
 from gap_runtime.errors import RunError, did_you_mean
 
 ROOT = Path("runs")
 _NAME = re.compile(r"^[a-z][a-z0-9-]*-(?P<number>\d{3,})$")
+
+
+class RunConfig(Document):
+    """run.yaml: what was asked of a run, and nothing that depends on when or where. `seed` is the base seed of its
+    rehearsals; `providers` maps a tool name or `service.*` to the provider that must serve it."""
+
+    schema_: Literal["gap/run/v1"] = Field(default="gap/run/v1", alias="schema")
+    task: str = Field(pattern=r"^[a-z][a-z0-9]*(-[a-z0-9]+)*$", max_length=64)
+    variant: str = ""
+    instruction: str = Field(min_length=1)
+    author: str = "symbolic"
+    seed: int = 0
+    providers: dict[str, str] = {}
 
 
 @dataclass(frozen=True)
@@ -28,14 +45,14 @@ class Run:
     path: Path
 
     @classmethod
-    def create(cls, root: Path, asked: Asked) -> Run:
+    def create(cls, root: Path, config: RunConfig) -> Run:
         """Make the next free `<task>-NNN` below `root`, holding run.yaml. Raises `StorageError`.
 
         The number counts all runs of `root`, whatever their task.
         """
         number = 1 + max(map(_number, root.iterdir()), default=0) if root.is_dir() else 1
         while True:
-            path = root / f"{asked.task}-{number:03d}"
+            path = root / f"{config.task}-{number:03d}"
             try:
                 root.mkdir(parents=True, exist_ok=True)
                 path.mkdir()
@@ -47,7 +64,7 @@ class Run:
             except OSError as error:
                 raise storage_error(path, error) from None
         try:
-            write_yaml(path / "run.yaml", asked.model_dump(by_alias=True))
+            write_yaml(path / "run.yaml", config.model_dump(by_alias=True))
         except BaseException:
             with suppress(OSError):
                 path.rmdir()
@@ -87,10 +104,22 @@ class Run:
         return self.path.resolve().name
 
     @cached_property
-    def asked(self) -> Asked:
+    def config(self) -> RunConfig:
         """What run.yaml says. Raises `DocumentError`."""
         file = self.path / "run.yaml"
-        return Asked.load(read_yaml(file), str(file))
+        return RunConfig.load(read_yaml(file), str(file))
+
+    @property
+    def argument(self) -> str:
+        """How to name the run on a command line: by name where the default root finds it, else by path, quoted."""
+        root = Path(os.environ.get("GAP_RUNS", ROOT))
+        return shlex.quote(self.name if self.path.parent.resolve() == root.resolve() else str(self.path))
+
+    @property
+    def graph_folder(self) -> Path:
+        """Where the graph is: `generate/`, or in a bare folder the folder itself."""
+        bare = (self.path / "workflow.json").is_file() and not (self.path / "generate").is_dir()
+        return self.path if bare else self.path / "generate"
 
     def folder(self, stage: str) -> Path:
         """Where a stage writes: `plan`, `generate`, `validate`, `rehearse/00`, ..."""

@@ -11,15 +11,14 @@ from typing import Any, Protocol
 
 @dataclass(frozen=True)
 class RehearsalJob:
-    """What a worker needs to roll episodes out; everything else is read from the run folder.
+    """What a worker needs to roll episodes out; everything else is read from the folder `run`.
 
-    `run` is the run's folder, `workflow` the workflow.json to roll out, `output` where frames and logs go. `record`
-    asks for an MCAP of every episode; `frames` for a picture of its first and last instant. An episode that takes
-    longer than `wall_limit_s` of wall time is given up as hung.
+    `run` holds a GraphBundle and run.yaml, and stays as it is while the job lasts; `output` is where frames and logs
+    go. `record` asks for an MCAP of every episode; `frames` for a picture of its first and last instant. An episode
+    that takes longer than `wall_limit_s` of wall time is given up as hung.
     """
 
     run: Path
-    workflow: Path
     output: Path
     record: bool = False
     frames: bool = True

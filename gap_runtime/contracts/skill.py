@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from gap_runtime.contracts.failures import GapError
 from gap_runtime.contracts.models import Document
 from gap_runtime.contracts.types.typeref import TypeRef
 
@@ -119,3 +121,15 @@ def check_relative(path: str) -> None:
         or any(p in ("", ".", "..") or p != p.strip() for p in parts)
     ):
         raise ValueError(f"path {path!r} must be relative and stay inside the skill")
+
+
+def inside(folder: Path, path: str) -> Path:
+    """`folder / path`. Raises `GapError` where that would leave the folder."""
+    try:
+        check_relative(path)
+        resolved = (folder / path).resolve()
+    except (ValueError, OSError) as error:
+        raise GapError(f"{path!r}: {error}") from None
+    if not resolved.is_relative_to(folder.resolve()):
+        raise GapError(f"{path!r} leads out of the workflow folder.")
+    return folder / path

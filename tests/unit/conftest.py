@@ -8,10 +8,12 @@ import sys
 
 import pytest
 
+from gap_cli.sandbox import level
 from gap_cli.workspace.canonical import write_json, write_text
-from gap_cli.workspace.run import Run
-from gap_cli.workspace.run_config import Asked
-from gap_cli.workspace.stages import digest
+from gap_cli.workspace.inventory import Inventory
+from gap_cli.workspace.run import Run, RunConfig
+from gap_cli.workspace.validation import validation_data
+from gap_runtime.bundle.bundle import GraphBundle
 from gap_runtime.graph.dump import dump_workflow
 from gap_runtime.testing import fake_workflow
 
@@ -165,20 +167,33 @@ def faults(monkeypatch):
 
 
 @pytest.fixture
+def accept():
+    """Write down that a run is valid as it is, with what is installed now."""
+    return accept_run
+
+
+def accept_run(run):
+    inventory = Inventory.of(Run(run.path).config)
+    checked = inventory.digest(GraphBundle.load(run.graph_folder))
+    write_json(run.path / "lock.json", inventory.lock(level()))
+    write_json(run.path / "validate/findings.json", validation_data(run, checked, []))
+
+
+@pytest.fixture
 def make_run(tmp_path, little_cell):
     """A run at the stage `gap rehearse` wants it."""
 
     def make(root=tmp_path / "runs"):
-        run = Run.create(root, Asked(task="little", instruction="Do it", seed=3))
-        plan = {"schema": "gap/plan/v1", "scene": "two", "goals": [{"fact": "f", "target": "can", "container": "bin"}]}
-        write_json(run.path / "plan/plan.json", plan)
+        run = Run.create(root, RunConfig(task="little", instruction="Do it", seed=3))
+        write_json(run.path / "plan/plan.json", {"schema": "gap/plan/v1"})
+        goals = {"schema": "gap/goals/v1", "scene": "two", "goals": [{"target": "can", "container": "bin"}]}
+        write_json(run.path / "generate/goals.json", goals)
         workflow = fake_workflow(
             {"look": "fake.Look", "act": "cell.Act"}, [("START", "look"), ("look", "act"), ("act", "done")]
         )
-        file = run.path / "generate/workflow.json"
-        write_json(file, dump_workflow(workflow))
+        write_json(run.path / "generate/workflow.json", dump_workflow(workflow))
         write_text(run.path / "generate/checkpoints/main_sg.py", CHECKPOINTS)
-        write_json(run.path / "validate/findings.json", {"workflow": digest(file), "findings": []})
+        accept_run(run)
         return run
 
     return make

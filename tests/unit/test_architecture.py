@@ -19,7 +19,7 @@ LAYER = {
     "gap_runtime.contracts": 0,
     "gap_runtime.graph": 1,
     "gap_runtime.run": 2,
-    "gap_runtime.bundle": 2,
+    "gap_runtime.bundle": 3,
     "gap_runtime.journal": 2,
     "gap_runtime.safety": 1,
     "gap_runtime.testing": 3,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gap_cli.workspace.recording_paths import frame_path
+from gap_cli.workspace.metadata import frame_path
 from gap_runtime.contracts.simulator import Simulator
 from gap_runtime.contracts.types import CameraObservation
 

@@ -16,7 +16,7 @@ from gap_cli.author.skill_check import sample_plan
 from gap_cli.sandbox import run_builder
 from gap_cli.skills import load_library
 from gap_cli.workspace.canonical import json_text, write_yaml
-from gap_cli.workspace.run_config import Asked
+from gap_cli.workspace.run import RunConfig
 from gap_runtime.contracts.documents import parse_json, read_yaml
 from gap_runtime.errors import InstructionError
 from gap_runtime.graph.checkpoints import parse_checkpoints
@@ -113,9 +113,9 @@ def test_an_instruction_that_is_accepted_is_read_again(tmp_path_factory, odd, la
     except InstructionError:
         return
     file = tmp_path_factory.mktemp("run") / "run.yaml"
-    asked = Asked(task="kitchen", instruction=said)
+    asked = RunConfig(task="kitchen", instruction=said)
     write_yaml(file, asked.model_dump(by_alias=True))
-    assert Asked.load(read_yaml(file), "run.yaml") == asked
+    assert RunConfig.load(read_yaml(file), "run.yaml") == asked
     assert Plan.load(parse_json(json_text(plan.data), "plan.json")) == plan
 
 

@@ -89,6 +89,14 @@ def test_a_refused_graph_exits_1_and_lists_the_findings(gap, make_run):
     assert gap("rehearse", "-n", 1).code == 1
 
 
+def test_a_rehearsal_that_measured_nothing_exits_1_and_says_so(gap, make_run, faults):
+    make_run()
+    faults(seed3="segv", seed4="segv")
+    done = gap("rehearse", "-n", 2, "--record", "none")
+    assert done.code == 1 and "Nothing was measured: all 2 episodes are void (2 x died of SIGSEGV)" in done.err
+    assert gap("rehearse", "-n", 3, "--record", "none").code == 0
+
+
 HEAVY = ("mujoco", "torch", "cv2", "sklearn", "dm_control", "ompl")
 
 

@@ -1,18 +1,23 @@
 import pytest
 
-from gap_cli.rehearse import rehearse
+from gap_cli.rehearse.rehearsal import rehearse
 
 
 @pytest.fixture
 def page(once, make_run, faults):
     faults(seed4="slip", seed5="slip", seed6="segv")
-    summary = once("page", lambda: rehearse(make_run(), 10, workers=2, record="none"))
-    return summary, (summary.folder / "feedback.md").read_text()
+
+    def make():
+        run = make_run()
+        summary = rehearse(run, 10, workers=2, record="none")
+        return summary, (run.folder("rehearse/00") / "feedback.md").read_text()
+
+    return once("page", make)
 
 
 def test_the_page_says_what_the_rows_say(page):
     summary, text = page
-    data = summary.data
+    data = summary.summary
     (main,) = data["subgraphs"]
     assert f"({data['success']['passed']}/10)" in text
     assert f"| `main` | **{main['validation']['rate']:.2f} ({main['validation']['passed']}/10)** |" in text
@@ -38,11 +43,13 @@ def test_the_signal_names_what_the_contract_lets_one_change(page):
     assert "1 episodes are void (1 crashed)" in text
 
 
-def test_a_perfect_rehearsal_says_so(make_run, monkeypatch):
+def test_a_perfect_rehearsal_says_so(make_run, accept, monkeypatch):
     run = make_run()
     points = run.path / "generate/checkpoints/main_sg.py"
     points.write_text("CHECKPOINTS = []\n")
+    accept(run)
     summary = rehearse(run, 12, workers=1, record="none")
     won = [r["seed"] for r in summary.rows if r["success"]]
-    text = (rehearse(run, 1, seed=won[0], record="none").folder / "feedback.md").read_text()
+    rehearse(run, 1, seed=won[0], record="none")
+    text = (run.folder("rehearse/00") / "feedback.md").read_text()
     assert "Every subgraph keeps its promises" in text and "None." in text and "Nothing failed." in text

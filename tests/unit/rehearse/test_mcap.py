@@ -7,7 +7,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from gap_cli.rehearse import rehearse
+from gap_cli.rehearse.rehearsal import rehearse
 
 
 @pytest.fixture

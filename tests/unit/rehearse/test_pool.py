@@ -35,7 +35,7 @@ serve(*(int(a) for a in sys.argv[1:4]), decode_job(sys.argv[4]), make)
 
 @pytest.fixture
 def job(tmp_path):
-    return RehearsalJob(tmp_path, tmp_path / "workflow.json", tmp_path / "out", wall_limit_s=3.0)
+    return RehearsalJob(tmp_path, tmp_path / "out", wall_limit_s=3.0)
 
 
 @pytest.fixture
@@ -128,7 +128,7 @@ from pathlib import Path
 from gap_runtime.contracts.engine import RehearsalJob
 from gap_cli.rehearse.pool import LocalEngine
 folder = Path(sys.argv[1])
-job = RehearsalJob(folder, folder / "w", folder / "out")
+job = RehearsalJob(folder, folder / "out")
 LocalEngine(1, (sys.executable, str(folder / "worker.py"))).run(job, range(9), print, threading.Event())
 """
 

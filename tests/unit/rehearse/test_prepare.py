@@ -1,4 +1,6 @@
 from gap_cli.rehearse.prepare import describe, in_order, prepare, tools_used
+from gap_cli.workspace.inventory import Inventory
+from gap_runtime.bundle.bundle import GraphBundle
 from gap_runtime.testing import fake_workflow
 
 
@@ -13,9 +15,8 @@ def test_subgraphs_come_in_the_order_control_reaches_them():
 
 def test_what_was_rolled_out_is_described_without_the_run_or_the_machine(make_run):
     run = make_run()
-    (run.path / "lock.json").write_text("{}")
-    prepared = prepare(run)
-    data = describe(prepared, run.path / "lock.json")
+    prepared = prepare(GraphBundle.load(run.graph_folder), run.graph_folder, Inventory.of(run.config))
+    data = describe(prepared, "of the lock")
     assert tools_used(prepared.graph) == ["cell.Act", "fake.Look"]
     assert list(data["providers"]) == ["cell.Act", "fake.Look"]
     assert data["goals"] == [{"target": "can", "container": "bin"}]

@@ -1,6 +1,6 @@
 import pytest
 
-from gap_cli.rehearse.rows import lost_row
+from gap_cli.rehearse.rows import void_episode
 from gap_cli.rehearse.stats import wilson
 from gap_cli.rehearse.summary import rate_of, summarize
 
@@ -55,7 +55,7 @@ def test_the_order_of_rows_within_a_group_is_that_of_seeds_and_motion_counts_suc
 
 
 def test_a_void_episode_counts_against_the_rate_and_is_named():
-    summary = summarize([row(0), lost_row(1, "crashed", "died")], GRAPH, seed=0, asked=2)
+    summary = summarize([row(0), void_episode(1, "crashed", "died")], GRAPH, seed=0, asked=2)
     assert (summary["success"]["passed"], summary["success"]["of"]) == (1, 2)
     assert summary["void"] == {"crashed": 1}
     assert summary["failures"][0]["status"] == "crashed"

@@ -5,7 +5,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from gap_cli.rehearse import rehearse
+from gap_cli.rehearse.rehearsal import rehearse
 from gap_cli.report.page import commands, write_report
 from gap_runtime.errors import RunError
 
@@ -55,7 +55,7 @@ def test_the_page_holds_what_was_found(rehearsed):
     run, summary = rehearsed
     page = Page(write_report(run).read_text())
     text = " ".join(" ".join(page.text).split())
-    rate = summary.data["success"]
+    rate = summary.summary["success"]
     assert f"{rate['passed']} of {rate['of']}" in text
     for row in summary.rows:
         assert f"seed {row['seed']}" in text
@@ -95,7 +95,7 @@ def test_a_run_without_a_graph_is_told_what_to_type(make_run):
 
 def test_the_commands_are_those_that_made_it(rehearsed):
     run, summary = rehearsed
-    lines = commands(run, summary.data)
+    lines = commands(run, summary.summary)
     assert lines[0] == "gap plan --task little --say 'Do it'"
     assert lines[-1] == "gap rehearse -n 3 --seed 3"
 

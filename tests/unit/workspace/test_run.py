@@ -5,16 +5,15 @@ import sys
 import pytest
 
 from gap_cli.workspace import run as run_module
-from gap_cli.workspace.run import Run
-from gap_cli.workspace.run_config import Asked
+from gap_cli.workspace.run import Run, RunConfig
 from gap_runtime.errors import DocumentError, RunError, StorageError
 
-ASKED = Asked(task="fulfill-grocery", instruction="Pick the soup")
+ASKED = RunConfig(task="fulfill-grocery", instruction="Pick the soup")
 
 
 def test_runs_of_all_tasks_share_one_numbering(tmp_path):
     names = [Run.create(tmp_path, ASKED).name for _ in range(2)]
-    other = Run.create(tmp_path, Asked(task="pack", instruction="x"))
+    other = Run.create(tmp_path, RunConfig(task="pack", instruction="x"))
     assert [*names, other.name] == ["fulfill-grocery-001", "fulfill-grocery-002", "pack-003"]
 
 
@@ -24,8 +23,8 @@ def test_a_number_is_never_used_twice_even_after_a_gap(tmp_path):
 
 
 def test_what_was_asked_reads_back(tmp_path):
-    asked = Asked(task="pack", instruction='say "no": yes', variant="xy20", seed=7, providers={"curobo.*": "gpu"})
-    assert Run.open(tmp_path, Run.create(tmp_path, asked).name).asked == asked
+    config = RunConfig(task="pack", instruction='say "no": yes', variant="xy20", seed=7, providers={"curobo.*": "gpu"})
+    assert Run.open(tmp_path, Run.create(tmp_path, config).name).config == config
 
 
 def test_two_runs_of_one_question_hold_the_same_bytes(tmp_path):
@@ -61,7 +60,7 @@ def test_a_damaged_run_yaml_names_file_and_line(tmp_path):
     run = Run.create(tmp_path, ASKED)
     (run.path / "run.yaml").write_text("schema: gap/run/v1\ntask: no\n")
     with pytest.raises(DocumentError, match=r"run\.yaml:2"):
-        _ = run.asked
+        _ = run.config
 
 
 def test_a_run_that_cannot_be_written_leaves_no_folder(tmp_path, monkeypatch):

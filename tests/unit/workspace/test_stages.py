@@ -1,14 +1,13 @@
 import pytest
 
-from gap_cli.workspace.run import Run
-from gap_cli.workspace.run_config import Asked
+from gap_cli.workspace.run import Run, RunConfig
 from gap_cli.workspace.stages import PRODUCT, folder_digest, product, reached, write_stage
 from gap_runtime.errors import RunError
 
 
 @pytest.fixture
 def run(tmp_path):
-    return Run.create(tmp_path, Asked(task="pack", instruction="pack it"))
+    return Run.create(tmp_path, RunConfig(task="pack", instruction="pack it"))
 
 
 @pytest.mark.parametrize("stage", PRODUCT)
