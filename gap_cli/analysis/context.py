@@ -17,6 +17,9 @@ from gap_runtime.graph.control_flow import ControlFlowGraph
 from gap_runtime.graph.model import Node, SubgraphDef, Workflow
 from gap_runtime.graph.references import references_in
 
+SENDS = TypeRef("any", is_list=True)  # what a router returns that starts several nodes
+_NOTHING: tuple[frozenset[str], frozenset[str]] = (frozenset(), frozenset())
+
 
 class SubgraphContext:
     """Everything rules ask about one subgraph definition, worked out once."""
@@ -39,15 +42,15 @@ class SubgraphContext:
         return self.definition.nodes
 
     @cached_property
-    def routers(self) -> frozenset[str]:
-        """Nodes of type router."""
-        return frozenset(n for n, node in self.nodes.items() if node.type == "router")
+    def on_error(self) -> str:
+        """The failure exit: the declared one, or the skill's; '' where neither is known."""
+        return self.definition.on_error or (self.contract.exits.failure if self.contract is not None else "")
 
     @cached_property
     def fan_outs(self) -> frozenset[str]:
-        """Routers that may send: their script returns a list, or does not say."""
-        outputs = {n: self.callees[n].output for n in self.routers if self.callees[n]}  # type: ignore[union-attr]
-        return frozenset(n for n, t in outputs.items() if t is None or t.is_list or t.name == "any")
+        """Routers that may start several nodes: their script returns a list."""
+        callees = {n: self.callees[n] for n, node in self.nodes.items() if node.type == "router"}
+        return frozenset(n for n, c in callees.items() if c is not None and c.output == SENDS)
 
     @cached_property
     def copied(self) -> dict[str, str]:
@@ -112,7 +115,7 @@ class SubgraphContext:
 
     def _output(self, name: str) -> StaticType | None:
         if name in self.fan_outs:
-            return StaticType(TypeRef("any", is_list=True))
+            return StaticType(SENDS)
         callee = self.callees[name]
         if callee is None:
             return None if self.nodes[name].type == "noop" else StaticType(ANY)
@@ -134,24 +137,29 @@ class SubgraphContext:
 
     def gives(self, exit_value: str) -> frozenset[str]:
         """Outputs that are always there after this success exit."""
-        return self._gives.get(exit_value, frozenset())
+        return self._given.get(exit_value, _NOTHING)[0]
+
+    def may_give(self, exit_value: str) -> frozenset[str]:
+        """Outputs that can be there after this success exit."""
+        return self._given.get(exit_value, _NOTHING)[1]
 
     @cached_property
-    def _gives(self) -> dict[str, frozenset[str]]:
+    def _given(self) -> dict[str, tuple[frozenset[str], frozenset[str]]]:
         sources = {
-            name: {r.name for _, r in references_in(value, "") if r is not None and r.source == "node"}
+            name: {r.name for _, r in references_in(value) if r is not None and r.source == "node"} & self.nodes.keys()
             for name, value in self.definition.outputs.items()
         }
-        found: dict[str, frozenset[str]] = {}
+        found: dict[str, tuple[frozenset[str], frozenset[str]]] = {}
         for terminal in self.terminals:
-            there = frozenset(
-                name
-                for name, nodes in sources.items()
-                if all(n in self.nodes and self.given_at(terminal, n) for n in nodes)
-            )
+            always = frozenset(n for n, nodes in sources.items() if all(self.given_at(terminal, m) for m in nodes))
+            may = frozenset(n for n, nodes in sources.items() if all(self._may_be_given_at(terminal, m) for m in nodes))
             for value in self.exits_at(terminal):
-                found[value] = found.get(value, there) & there
+                before = found.get(value, (always, may))
+                found[value] = (before[0] & always, before[1] | may)
         return found
+
+    def _may_be_given_at(self, terminal: str, node: str) -> bool:
+        return terminal == node or node in self.streaming or self.flow.may_precede(terminal, node)
 
 
 class WorkflowContext:

@@ -71,7 +71,8 @@ def _step(shape: StaticType, name: str, what: str) -> StaticType:
     kind = shape.type
     if kind.is_list:
         if not name.isdigit():
-            raise NoSuchFieldError(f"{what} is a list of {kind.name}", f"Pick one: {what}.0")
+            message = f"{what} is a list of {kind.name} and has no {name!r}"
+            raise NoSuchFieldError(message, f"Pick one, counted from the front: {what}.0, {what}.1, ...")
         return StaticType(replace(kind, is_list=False))
     if kind.name == "any":
         return StaticType(ANY, unit=unit)

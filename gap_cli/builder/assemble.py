@@ -9,6 +9,7 @@ from gap_runtime.contracts.models import Document
 from gap_runtime.errors import Finding, WorkflowError, did_you_mean
 from gap_runtime.graph.load import check_values, parse_workflow
 from gap_runtime.graph.model import SubgraphDef, Workflow
+from gap_runtime.graph.references import STREAM
 
 DISAGREE = "W4"
 
@@ -22,7 +23,7 @@ class DeclaredSubgraph(Document):
     inputs: dict[str, str] = {}
     outputs: dict[str, str] = {}
     exit_success_values: list[str]
-    on_error: str
+    on_error: str = ""
     names: dict[str, str] = {}
     parameters: dict[str, Any] = {}
 
@@ -94,6 +95,7 @@ def _joined(declared: DeclaredSubgraph, written: Mapping[str, Any]) -> dict[str,
         "parameters": declared.parameters,
         "inputs": declared.inputs,
         "exit": {**written["exit"], "success_values": declared.exit_success_values},
+        "on_error": declared.on_error or written.get("on_error", ""),
     }
 
 
@@ -104,11 +106,11 @@ def _disagreements(name: str, declared: DeclaredSubgraph, written: SubgraphDef |
         return
     if _kebab(written.skill) != _kebab(declared.skill):
         yield _differ(f"{path}.skill", "skill", declared.skill, written.skill)
-    if written.on_error != declared.on_error:
+    if declared.on_error and written.on_error and written.on_error != declared.on_error:
         yield _differ(f"{path}.on_error", "on_error", declared.on_error, written.on_error)
     if sorted(written.exit.success_values) != sorted(declared.exit_success_values):
         yield _differ(f"{path}.exit", "success exits", declared.exit_success_values, written.exit.success_values)
-    if written.inputs != declared.inputs:
+    if _bound(written.inputs) != _bound(declared.inputs):
         yield _differ(f"{path}.inputs", "inputs", declared.inputs, written.inputs)
     for output in declared.outputs:
         if output not in written.outputs:
@@ -124,6 +126,11 @@ def _differ(path: str, what: str, declared: Any, written: Any) -> Finding:
 def _stray(name: str, declared: Mapping[str, Any]) -> Finding:
     hint = did_you_mean(name, declared) if declared else "Declare it with spec.declare_subgraph."
     return Finding(f"subgraphs.{name}", DISAGREE, "was written and is not declared", hint)
+
+
+def _bound(inputs: Mapping[str, str]) -> dict[str, str]:
+    """Without the stream of observations, which is always there, declared or not."""
+    return {name: type_ for name, type_ in inputs.items() if name != STREAM}
 
 
 def _kebab(name: str) -> str:

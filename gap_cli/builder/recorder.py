@@ -2,18 +2,52 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from functools import wraps
+from types import FunctionType
+from typing import Any, TypeVar
 
-from gap_runtime.contracts.failures import DocumentError
+from gap_runtime.contracts.failures import DocumentError, did_you_mean
 
 MAX_DEPTH = 64
 _HERE = __name__.rpartition(".")[0]  # frames of these modules are not the author's
 
 
+T = TypeVar("T")
+
+
+def says_what_it_takes(cls: type[T]) -> type[T]:
+    """The class, whose public calls answer arguments they do not have with those they have. Raises `DocumentError`."""
+    for name, call in list(vars(cls).items()):
+        if isinstance(call, FunctionType) and (name == "__init__" or not name.startswith("_")):
+            setattr(cls, name, _checked(call, cls.__name__ if name == "__init__" else name))
+    return cls
+
+
+def _checked(call: Callable[..., Any], name: str) -> Callable[..., Any]:
+    signature = inspect.signature(call)
+    known = list(signature.parameters)[1:]
+    open_ended = any(p.kind is p.VAR_KEYWORD for p in signature.parameters.values())
+
+    @wraps(call)
+    def checked(*args: Any, **kwargs: Any) -> Any:
+        try:
+            signature.bind(*args, **kwargs)
+        except TypeError as error:
+            strange = next((k for k in kwargs if k not in known and not open_ended), None)
+            others = [n for n in known[len(args) - 1 :] if n not in kwargs]
+            hint = f"It takes {', '.join(known)}." if strange is None else did_you_mean(strange, others)
+            raise DocumentError(f"{name}()", f"has no {strange!r}" if strange else str(error), hint=hint) from None
+        return call(*args, **kwargs)
+
+    return checked
+
+
+@says_what_it_takes
 @dataclass(frozen=True)
 class Ref:
     """A reference to a value: `Ref("node")`, `Ref("node.field.0")`, `Ref("in.name")`, `Ref("param.name")`."""
@@ -21,6 +55,7 @@ class Ref:
     path: str
 
 
+@says_what_it_takes
 class Recorder:
     """Nodes, edges and conditional edges of one graph, each with the line that added it."""
 
@@ -30,6 +65,12 @@ class Recorder:
         self.edges: list[list[str]] = []
         self.conditional_edges: dict[str, dict[str, Any]] = {}
         self.lines: dict[str, int] = {}
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        known = [n for n in dir(type(self)) if n.startswith(("add_", "set_", "declare_"))]
+        raise DocumentError(f"{type(self).__name__}.{name}", "does not exist", hint=did_you_mean(name, known))
 
     def add_edge(self, source: str, target: str) -> None:
         """An edge that is always taken. Several from one node run their targets in parallel."""

@@ -41,7 +41,7 @@ def subgraph_source(name: str, definition: SubgraphDef, checkpoints: Sequence[Ch
         lines.append(f"sg.set_exit_router({_keywords(router)})")
     lines += _edges("sg", d.edges, d.conditional_edges)
     lines += [f"sg.set_outputs({_keywords(d.outputs)})"] if d.outputs else []
-    lines.append(_call("sg.set_on_error", d.on_error))
+    lines += [_call("sg.set_on_error", d.on_error)] if d.on_error else []
     for point in checkpoints:
         given = {k: v for k, v in point.as_dict().items() if k not in ("name", "predicate")}
         lines.append(_call("sg.add_checkpoint", point.name, point.predicate, **given))

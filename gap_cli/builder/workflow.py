@@ -8,14 +8,15 @@ from typing import Any
 
 from gap_cli.builder.assemble import assemble
 from gap_cli.builder.lambdas import expression_of
-from gap_cli.builder.recorder import Recorder, Ref, mapping_of, plain, text
-from gap_runtime.contracts.failures import DocumentError
+from gap_cli.builder.recorder import Recorder, Ref, mapping_of, plain, says_what_it_takes, text
+from gap_runtime.contracts.failures import DocumentError, did_you_mean
 from gap_runtime.graph.load import RETIRED, flat_name, migration
 from gap_runtime.graph.model import END, START, VERSION
 
 __all__ = ["END", "START", "Ref", "ServiceCall", "Subgraph", "WorkflowSpec", "assemble"]
 
 
+@says_what_it_takes
 @dataclass(frozen=True, init=False)
 class ServiceCall:
     """A tool call of a recovery: `ServiceCall("gripper.Open", {})`, or the paper's three arguments
@@ -34,6 +35,7 @@ class ServiceCall:
         object.__setattr__(self, "inputs", mapping_of(given, where))
 
 
+@says_what_it_takes
 class Subgraph(Recorder):
     """One segment of the task as a state machine: bind it to `sg`."""
 
@@ -75,9 +77,9 @@ class Subgraph(Recorder):
             hint = migration(type, {**retired, "tool": tool})
             raise DocumentError(where, f"node type {type!r} is retired.", hint=hint)
         if retired:
-            raise DocumentError(
-                where, f"a node has no {next(iter(retired))!r}", hint="It has tool, script, inputs, ..."
-            )
+            known = ("type", "tool", "script", "inputs", "streaming", "deadline_s", "description")
+            strange = next(iter(retired))
+            raise DocumentError(where, f"a node has no {strange!r}", hint=did_you_mean(strange, known))
         given = {
             "tool": tool, "script": script, "inputs": mapping_of(inputs, where), "streaming": plain(streaming, where),
             "deadline_s": plain(deadline_s, where), "description": text(description, where),
@@ -150,6 +152,7 @@ class Subgraph(Recorder):
         }  # fmt: skip
 
 
+@says_what_it_takes
 class WorkflowSpec(Recorder):
     """The topology: which subgraph does which segment, and where each of its exits leads. Bind it to `spec`."""
 
@@ -165,7 +168,7 @@ class WorkflowSpec(Recorder):
         *,
         skill: str,
         exit_success_values: Iterable[str],
-        on_error: str,
+        on_error: str = "",
         description: str = "",
         inputs: Mapping[str, str] | None = None,
         outputs: Mapping[str, str] | None = None,

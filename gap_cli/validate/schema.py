@@ -9,7 +9,8 @@ from pydantic import BaseModel
 
 from gap_cli.validate.rules.node_keys import INSIDE, KEYS, TOP
 from gap_runtime.contracts.types import CONTRACT_TYPES, SCALAR_TYPES
-from gap_runtime.graph.model import VERSION, Workflow
+from gap_runtime.graph.model import Workflow
+from gap_runtime.graph.references import STREAM, STREAM_TYPES
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 NAMES = [*CONTRACT_TYPES, *SCALAR_TYPES, "any"]
@@ -35,9 +36,10 @@ def _sharpen_workflow(schema: dict[str, Any], parts: dict[str, Any]) -> None:
     """Say which keys each type of node has, and which types stand where; the model leaves that to rule W2."""
     node = parts.pop("Node")
     parts.update({f"{kind}_node": _node(node, kind) for kind in KEYS})
-    schema["properties"]["version"] = {"const": VERSION}
     schema["properties"]["nodes"]["additionalProperties"] = _one_of(TOP)
-    parts["SubgraphDef"]["properties"]["nodes"]["additionalProperties"] = _one_of(INSIDE)
+    subgraph = parts["SubgraphDef"]["properties"]
+    subgraph["nodes"]["additionalProperties"] = _one_of(INSIDE)
+    subgraph["inputs"]["properties"] = {STREAM: {"enum": list(STREAM_TYPES)}}
 
 
 def _node(node: Mapping[str, Any], kind: str) -> dict[str, Any]:

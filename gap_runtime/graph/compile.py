@@ -91,7 +91,8 @@ class _Compiler:
         field = definition.exit.router_field
         return CompiledSubgraph(
             node.ref, definition.skill, nodes, topology.entries, tuple(definition.inputs), outputs,
-            tuple(field.split(".")) if field else None, frozenset(definition.exit.success_values), definition.on_error,
+            tuple(field.split(".")) if field else None, frozenset(definition.exit.success_values),
+            definition.on_error or found[1].exits.failure,
             streams=any(n.streaming for n in nodes),
         )  # fmt: skip
 

@@ -35,8 +35,7 @@ def dump_subgraph(definition: SubgraphDef) -> dict[str, Any]:
             "router_field": definition.exit.router_field,
             "success_values": list(definition.exit.success_values),
         },
-        "on_error": definition.on_error,
-        **_given(names=dict(definition.names), parameters=dict(definition.parameters)),
+        **_given(on_error=definition.on_error, names=dict(definition.names), parameters=dict(definition.parameters)),
     }
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,12 +14,22 @@ from pydantic import ValidationError
 from gap_runtime.contracts.documents import read_json
 from gap_runtime.contracts.models import fields_at
 from gap_runtime.errors import DocumentError, Finding, WorkflowError, did_you_mean
-from gap_runtime.graph.model import Workflow
+from gap_runtime.graph.model import VERSION, Workflow
 
 MAX_DEPTH = 64
 MAX_VALUES = 2_000_000
 MAX_SHAPE_FINDINGS = 200
-SHAPE, NODE_KIND = "W1", "W2"
+SHAPE, NODE_KIND, VERSIONED = "W1", "W2", "W3"
+_MISSING = {  # key a part of a workflow needs -> the line to add
+    "skill": '"skill": "<name>" (gap skills list)',
+    "exit": '"exit": {"router_field": null, "success_values": ["<exit>"]}',
+    "success_values": '"success_values": ["<exit>"]',
+    "mapping": '"mapping": {"<value>": "<node>"}',
+    "type": '"type": "tool", "script", "router", "noop", "subgraph" or "end"',
+    "tool": '"tool": "<service>.<Method>" (gap tools list)',
+    "nodes": '"nodes": {"<name>": {"type": "subgraph", "ref": "<subgraph>"}}',
+    "subgraphs": '"subgraphs": {"<name>": {"skill": "<name>", ...}}',
+}
 RETIRED = ("service", "skill", "policy")  # types of node that older graphs wrote
 
 
@@ -32,6 +44,8 @@ def parse_workflow(data: Any, where: str) -> Workflow:
     if not isinstance(data, Mapping):
         raise DocumentError(where, f"a workflow is a mapping, not {_kind(data)}")
     check_values(data, where)
+    if (version := data.get("version", VERSION)) != VERSION:
+        raise WorkflowError([_other_version(version)], what=where)
     findings, rest = _retired(data)
     try:
         workflow = Workflow.model_validate(_flat_recoveries(rest))
@@ -40,6 +54,15 @@ def parse_workflow(data: Any, where: str) -> Workflow:
     if findings:
         raise WorkflowError(sorted(findings), what=where)
     return workflow
+
+
+def _other_version(version: Any) -> Finding:
+    message = f"is {version!r}, and this reads version {VERSION}"
+    if version == str(VERSION):
+        return Finding("version", VERSIONED, message, _quoting_hint("int_type", version))
+    hint = "Rewrite it: begin -> an edge from START; on_success -> an edge; on_failure -> on_error; transitions -> "
+    hint += "conditional_edges; parallel branches -> several edges from one node."
+    return Finding("version", VERSIONED, message, hint if version == 2 else f'Write "version": {VERSION}.')
 
 
 def check_values(data: Any, where: str) -> None:
@@ -137,7 +160,7 @@ def _flat_call(call: Any) -> Any:
 
 
 def _shape_findings(error: ValidationError) -> list[Finding]:
-    problems = error.errors(include_url=False, include_input=False, include_context=False)
+    problems = error.errors(include_url=False, include_context=False)
     found = {_shape_finding(p) for p in problems[:MAX_SHAPE_FINDINGS]}
     return sorted(found)
 
@@ -149,8 +172,20 @@ def _shape_finding(problem: Any) -> Finding:
         known = fields_at(Workflow, location[:-1])
         return Finding(path, SHAPE, "is not a known key", did_you_mean(str(location[-1]), known))
     if problem["type"] == "missing":
-        return Finding(path, SHAPE, "is missing")
-    return Finding(path, SHAPE, problem["msg"].removeprefix("Value error, "))
+        return Finding(path, SHAPE, "is missing", f"Add {_MISSING[location[-1]]}." if location[-1] in _MISSING else "")
+    message = problem["msg"].removeprefix("Value error, ")
+    return Finding(path, SHAPE, message, _quoting_hint(problem["type"], problem["input"]))
+
+
+def _quoting_hint(wanted: str, value: Any) -> str:
+    """How to write a number that was given as text, or a text that was given as a number: neither is the other."""
+    if wanted == "string_type" and isinstance(value, (bool, int, float)):
+        return f'Write "{json.dumps(value)}", in quotes.'
+    if wanted in ("int_type", "float_type", "bool_type") and isinstance(value, str):
+        with contextlib.suppress(ValueError):
+            if isinstance(json.loads(value), (bool, int, float)):
+                return f"Write {value}, without quotes."
+    return ""
 
 
 def _kind(value: Any) -> str:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from pydantic import Field
 
 from gap_runtime.contracts.models import Document
 
 START, END = "START", "END"
-VERSION = 3
+VERSION: Final = 3
 Edge = tuple[str, str]
 
 
@@ -43,11 +43,11 @@ class Node(Document):
     script: str | None = None
     ref: str | None = None
     inputs: dict[str, Any] = {}
-    streaming: bool = False
-    deadline_s: float | None = Field(default=None, gt=0)
+    streaming: bool = Field(default=False, strict=True)
+    deadline_s: float | None = Field(default=None, gt=0, strict=True)
     status: Literal["success", "failure"] | None = None
     recovery: list[Call] = []
-    max_visits: int | None = Field(default=None, ge=1)
+    max_visits: int | None = Field(default=None, ge=1, strict=True)
     description: str = ""
 
 
@@ -63,7 +63,7 @@ class SubgraphDef(Document):
 
     `names` substitutes names of the skill's contract: a role (`target` -> `target_2` turns `target_obb` into
     `target_2_obb`), the slot `name`, or a whole input or output name. `parameters` overrides the contract's defaults;
-    nodes read them as {"$ref": "param.<parameter>"}.
+    nodes read them as {"$ref": "param.<parameter>"}. Where `on_error` is not given it is the failure exit of the skill.
     """
 
     skill: str
@@ -75,7 +75,7 @@ class SubgraphDef(Document):
     edges: list[Edge] = []
     conditional_edges: dict[str, Routing] = {}
     exit: Exit
-    on_error: str
+    on_error: str = ""
     names: dict[str, str] = {}
     parameters: dict[str, Any] = {}
 
@@ -83,7 +83,7 @@ class SubgraphDef(Document):
 class Workflow(Document):
     """The whole graph: subgraph and end nodes at the top, definitions below."""
 
-    version: int = VERSION
+    version: Literal[3] = VERSION
     meta: dict[str, str] = {}
     nodes: dict[str, Node]
     edges: list[Edge] = []

@@ -9,7 +9,8 @@ from typing import Any, Literal
 from gap_runtime.contracts.failures import BadRequestError
 
 KEY = "$ref"
-STREAM = "observation_stream"
+STREAM = "observation_stream"  # an input that is always there
+STREAM_TYPES = ("ObservationStream", "Observation")  # as what it may be declared
 Source = Literal["node", "in", "param"]
 
 
@@ -87,6 +88,6 @@ def _known(value: Any) -> str:
     if isinstance(value, Mapping):
         return f"It has: {', '.join(map(str, value))}."
     if isinstance(value, (list, tuple)) and not hasattr(value, "_fields"):
-        return f"It has {len(value)} items."
+        return f"It has {len(value)} items, counted from 0."
     names = getattr(value, "_fields", None) or getattr(value, "__dataclass_fields__", ())
     return f"It has: {', '.join(names)}." if names else ""

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from gap_cli.analysis.catalog import Signature
-from gap_cli.analysis.context import SubgraphContext
+from gap_cli.analysis.context import SENDS, SubgraphContext
 from gap_cli.analysis.value_types import (
     ANY,
     InputSlot,
@@ -216,12 +216,14 @@ def d9_routing_values(sg: SubgraphContext) -> Iterator[Finding]:
 def _router(sg: SubgraphContext, source: str, routes: Routing, path: str) -> Iterator[Finding]:
     callee = sg.callees[source]
     assert callee is not None
-    if callee.output is None or callee.output.name not in ("string", "any"):
-        yield sg.finding("D9", path, f"{callee.what} does not return a node's name", "Make run(...) -> str.")
-    elif not callee.output.is_list:
-        yield from _routed_words(
-            sg, path, callee.choices.get("", ()), {*routes.mapping, *routes.mapping.values()}, routes
-        )
+    output = callee.output
+    if output not in (TypeRef("string"), SENDS):
+        message = f"{callee.what} does not return the name of a node"
+        hint = "Make it run(ctx, ...) -> str and return the name; or -> list[dict] of {to, inputs} to start several."
+        yield sg.finding("D9", path, message, hint)
+    elif output != SENDS:
+        routed = {*routes.mapping, *routes.mapping.values()}
+        yield from _routed_words(sg, path, callee.choices.get("", ()), routed, routes)
 
 
 def _field(sg: SubgraphContext, source: str, routes: Routing, field: str, path: str) -> Iterator[Finding]:

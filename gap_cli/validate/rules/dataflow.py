@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from itertools import combinations
 
 from gap_cli.analysis.catalog import SLOT
@@ -10,6 +10,10 @@ from gap_cli.analysis.context import SubgraphContext, WorkflowContext
 from gap_runtime.contracts.skill import NAME_SLOT
 from gap_runtime.contracts.types.typeref import TypeRef
 from gap_runtime.errors import Finding, did_you_mean
+from gap_runtime.graph.references import STREAM, STREAM_TYPES
+
+Producer = tuple[str, str]  # a name, and the node that gives it
+Given = Mapping[int, frozenset[str]]  # node of the exit flow -> names given there
 
 
 def w11_contract(sg: SubgraphContext) -> Iterator[Finding]:
@@ -20,11 +24,14 @@ def w11_contract(sg: SubgraphContext) -> Iterator[Finding]:
     yield from _substitutions(sg)
     inputs, outputs = sg.contract_types
     for name, type_ in inputs.items():
-        if name not in d.inputs and not type_.optional:
+        if name not in d.inputs and name != STREAM and not type_.optional:
             hint = f'Declare it: inputs={{"{name}": "{type_.name}"}}.'
             yield sg.finding("W11", "inputs", f"{d.skill} needs {name!r} ({type_})", hint)
     for name, text in d.inputs.items():
-        if name not in inputs:
+        if name == STREAM:
+            if text not in STREAM_TYPES:
+                yield sg.finding("W11", f"inputs.{name}", f"is an {STREAM_TYPES[0]}, not {text!r}")
+        elif name not in inputs:
             yield sg.finding("W11", f"inputs.{name}", f"{d.skill} takes no {name!r}", _known(name, inputs))
         else:
             yield from _type(sg, f"inputs.{name}", text, inputs[name])
@@ -66,37 +73,39 @@ def _type(sg: SubgraphContext, path: str, text: str, wanted: TypeRef) -> Iterato
 
 def producers(context: WorkflowContext) -> Iterator[Finding]:
     """S13, W12, W13: every input is produced, on every path, by one subgraph of that path."""
-    made = _made(context)
-    names = sorted({n for s in context.subgraphs.values() for n in s.definition.inputs} | set(made))
-    bit = {name: 1 << i for i, name in enumerate(names)}
-    sure, may = _available(context, bit)
+    flow = context.exit_flow.flow
+    always, may = _given(context, SubgraphContext.gives), _given(context, SubgraphContext.may_give)
+    sure, possible = _available(context, always, may)
     for node, sg in context.subgraph_nodes():
-        at = context.exit_flow.flow.index[node]
-        if at not in context.exit_flow.flow.rank:
+        at = flow.index[node]
+        if at not in flow.rank:
             continue
         optional = {n for n, t in sg.contract_types[0].items() if t.optional}
-        for name in sg.definition.inputs:
-            path, exits = f"{sg.path}.inputs.{name}", made.get(name, [])
+        for name in sg.definition.inputs.keys() - {STREAM}:
+            path = f"{sg.path}.inputs.{name}"
             if name in optional:
-                yield from _beside(context, node, path, name, exits)
-            elif not any(n == name for n, _ in may[at]):
+                yield from _beside(context, node, path, name, _exits_with(context, name, may))
+            elif not any(n == name for n, _ in possible[at]):
                 message = f"no subgraph before {node!r} produces {name!r}"
                 yield Finding(path, "S13", message, _nearest(name, context, node))
-            elif not sure[at] & bit[name] and not _brought_by_a_branch(context, node, exits):
-                without = _path_without(context, at, bit[name], sure)
+            elif name not in sure[at] and not _brought_by_a_branch(context, node, _exits_with(context, name, always)):
+                without = _path_without(context, at, name, sure)
                 yield Finding(path, "W12", f"{name!r} is not produced on every way to {node!r}{without}")
-        yield from _twice(node, sg, may[at])
-        yield from _flowing_types(context, node, sg, may[at])
-    yield from _twice_at_once(context, made)
+        yield from _twice(node, sg, possible[at])
+        yield from _flowing_types(context, node, sg, possible[at])
+    for name in sorted({n for names in may.values() for n in names}) if context.exit_flow.forks else ():
+        yield from _twice_at_once(context, name, _exits_with(context, name, may))
 
 
-def _made(context: WorkflowContext) -> dict[str, list[str]]:
-    """For each name the exits (nodes of `context.exit_flow`) that give it."""
-    found: dict[str, list[str]] = {}
-    for exit_ in context.exit_flow.exits:
-        for name in sorted(_given(context, exit_)):
-            found.setdefault(name, []).append(exit_)
-    return found
+def _given(context: WorkflowContext, names: Callable[[SubgraphContext, str], frozenset[str]]) -> Given:
+    flow = context.exit_flow
+    subgraphs = {exit_: context.subgraph_of(node) for exit_, (node, _) in flow.exits.items()}
+    return {flow.flow.index[e]: names(sg, flow.exits[e][1]) for e, sg in subgraphs.items() if sg is not None}
+
+
+def _exits_with(context: WorkflowContext, name: str, given: Given) -> list[str]:
+    """The exits (nodes of the exit flow) that give a name."""
+    return [exit_ for exit_ in context.exit_flow.exits if name in given[context.exit_flow.flow.index[exit_]]]
 
 
 def _brought_by_a_branch(context: WorkflowContext, node: str, exits: list[str]) -> bool:
@@ -104,35 +113,24 @@ def _brought_by_a_branch(context: WorkflowContext, node: str, exits: list[str]) 
     return context.exit_flow.forks and context.exit_flow.must.one_before(node, exits)
 
 
-def _available(context: WorkflowContext, bit: dict[str, int]) -> tuple[dict[int, int], dict[int, set[tuple[str, str]]]]:
+def _available(
+    context: WorkflowContext, always: Given, may: Given
+) -> tuple[dict[int, frozenset[str]], dict[int, frozenset[Producer]]]:
     """Per node: names produced on every single path to it, and every (name, producing node) on any."""
-    flow = context.exit_flow.flow
-    sure = dict.fromkeys(flow.order, -1)
-    sure[0] = 0
-    may: dict[int, set[tuple[str, str]]] = {node: set() for node in flow.order}
-    given = {flow.index[exit_]: _given(context, exit_) for exit_ in context.exit_flow.exits}
-    changed = True
+    flow, exits = context.exit_flow.flow, context.exit_flow.exits
+    everything = frozenset(name for names in always.values() for name in names)
+    sure, possible = dict.fromkeys(flow.order, everything), dict.fromkeys(flow.order, frozenset[Producer]())
+    sure[0], changed = frozenset(), True
     while changed:
         changed = False
         for node in flow.order[1:]:
             sources = [s for number in flow.into[node] if (s := flow.arcs[number].source) in sure]
-            mask, seen = -1, set[tuple[str, str]]()
-            for source in sources:
-                mask &= sure[source]
-                seen |= may[source]
-            if node in given:
-                mask |= sum(bit[n] for n in given[node])
-                seen |= {(n, context.exit_flow.exits[flow.names[node]][0]) for n in given[node]}
-            if mask != sure[node] or seen != may[node]:
-                sure[node], may[node], changed = mask, seen, True
-    return sure, may
-
-
-def _given(context: WorkflowContext, exit_: str) -> frozenset[str]:
-    """Names that are always there after an exit."""
-    node, value = context.exit_flow.exits[exit_]
-    sg = context.subgraph_of(node)
-    return sg.gives(value) if sg is not None else frozenset()
+            there = everything.intersection(*(sure[s] for s in sources)) | always.get(node, frozenset())
+            seen = frozenset[Producer]().union(*(possible[s] for s in sources))
+            seen |= {(name, exits[flow.names[node]][0]) for name in may.get(node, ())}
+            if (there, seen) != (sure[node], possible[node]):
+                sure[node], possible[node], changed = there, seen, True
+    return sure, possible
 
 
 def _beside(context: WorkflowContext, node: str, path: str, name: str, exits: list[str]) -> Iterator[Finding]:
@@ -153,21 +151,21 @@ def _nearest(name: str, context: WorkflowContext, node: str) -> str:
     return did_you_mean(name, outputs) if outputs else "No subgraph has outputs."
 
 
-def _path_without(context: WorkflowContext, at: int, wanted: int, sure: dict[int, int]) -> str:
+def _path_without(context: WorkflowContext, at: int, name: str, sure: dict[int, frozenset[str]]) -> str:
     flow, exits = context.exit_flow.flow, context.exit_flow.exits
     for number in flow.into[at]:
         source = flow.arcs[number].source
-        if source in sure and not sure[source] & wanted:
+        if source in sure and name not in sure[source]:
             node, value = exits.get(flow.names[source], (flow.names[source], ""))
             return f": not when it comes from {node!r}" + (f" by its exit {value!r}" if value else "")
     return ""
 
 
-def _twice(node: str, sg: SubgraphContext, before: set[tuple[str, str]]) -> Iterator[Finding]:
+def _twice(node: str, sg: SubgraphContext, before: frozenset[Producer]) -> Iterator[Finding]:
     for name in sg.definition.outputs:
         others = sorted(p for n, p in before if n == name and p != node)
         if others:
-            message = f"{others[0]!r} has produced {name!r} already on a way to {node!r}"
+            message = f"{others[0]!r} may have produced {name!r} already on a way to {node!r}"
             yield Finding(f"{sg.path}.outputs.{name}", "W13", message, _own_name(sg, name))
 
 
@@ -177,22 +175,21 @@ def _own_name(sg: SubgraphContext | None, name: str) -> str:
     return f'Give it a name of its own: names={{"{SLOT if slot else name}": ...}}.'
 
 
-def _twice_at_once(context: WorkflowContext, made: dict[str, list[str]]) -> Iterator[Finding]:
+def _twice_at_once(context: WorkflowContext, name: str, exits: list[str]) -> Iterator[Finding]:
     """W13 for branches that run side by side."""
-    for name, exits in made.items() if context.exit_flow.forks else ():
-        seen = set()
-        for one, other in combinations(exits, 2):
-            pair = (context.exit_flow.exits[one][0], context.exit_flow.exits[other][0])
-            if pair[0] != pair[1] and pair not in seen and context.exit_flow.both_taken(one, other):
-                seen.add(pair)
-                sg = context.subgraph_of(pair[1])
-                path = f"{sg.path}.outputs.{name}" if sg is not None else f"nodes.{pair[1]}"
-                message = f"{pair[0]!r} and {pair[1]!r} can both produce {name!r} in one pass"
-                yield Finding(path, "W13", message, _own_name(sg, name))
+    seen = set()
+    for one, other in combinations(exits, 2):
+        pair = (context.exit_flow.exits[one][0], context.exit_flow.exits[other][0])
+        if pair[0] != pair[1] and pair not in seen and context.exit_flow.both_taken(one, other):
+            seen.add(pair)
+            sg = context.subgraph_of(pair[1])
+            path = f"{sg.path}.outputs.{name}" if sg is not None else f"nodes.{pair[1]}"
+            message = f"{pair[0]!r} and {pair[1]!r} can both produce {name!r} in one pass"
+            yield Finding(path, "W13", message, _own_name(sg, name))
 
 
 def _flowing_types(
-    context: WorkflowContext, node: str, sg: SubgraphContext, before: set[tuple[str, str]]
+    context: WorkflowContext, node: str, sg: SubgraphContext, before: frozenset[Producer]
 ) -> Iterator[Finding]:
     """D4 and D5 between subgraphs: the producer's contract against the consumer's."""
     for name, wanted in sg.inputs.items():

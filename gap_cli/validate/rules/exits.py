@@ -31,7 +31,7 @@ def s8_outputs_name_nodes(sg: SubgraphContext) -> Iterator[Finding]:
 
 def s9_on_error_is_not_a_node(sg: SubgraphContext) -> Iterator[Finding]:
     """S9: the failure exit is also a node."""
-    value = sg.definition.on_error
+    value = sg.on_error
     if value in sg.nodes:
         hint = "A failure is raised, not routed to: drop the node, or rename it."
         yield sg.finding("S9", f"nodes.{value}", f"has the name of on_error ({value!r})", hint)
@@ -42,7 +42,7 @@ def s10_on_error_is_not_a_target(sg: SubgraphContext) -> Iterator[Finding]:
     d = sg.definition
     for source, routes in d.conditional_edges.items():
         for value, target in routes.mapping.items():
-            if target == d.on_error:
+            if target == sg.on_error:
                 path = f"conditional_edges.{source}.mapping.{value}"
                 hint = "Lead to a script that raises; on_error catches it."
                 yield sg.finding("S10", path, f"leads to on_error ({target!r}), which is no place to go", hint)
@@ -75,7 +75,7 @@ def _named_exits(sg: SubgraphContext) -> Iterator[Finding]:
             hint = f'Write sg.add_edge("{value}", END).'
             yield sg.finding("S11", "exit.success_values", f"exit {value!r} does not lead to END", hint)
     for name in sg.terminals:
-        if name not in d.exit.success_values and name != d.on_error:
+        if name not in d.exit.success_values and name != sg.on_error:
             hint = f"Lead to one of {', '.join(d.exit.success_values) or 'its exits'} instead."
             yield sg.finding("S11", f"nodes.{name}", "leads to END and is not an exit", hint)
 

@@ -1,4 +1,4 @@
-"""W2, W3, W5, W6: the keys each type of node has, the version, names, and size."""
+"""W2, W3, W5, W6: the keys each type of node has, what meta says, names, and size."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from gap_cli.analysis.context import SubgraphContext, WorkflowContext
 from gap_runtime.errors import Finding, did_you_mean
 from gap_runtime.graph.load import RETIRED, migration
-from gap_runtime.graph.model import VERSION, Node, SubgraphDef, Workflow
+from gap_runtime.graph.model import Node, SubgraphDef, Workflow
 
 MAX_NODES, MAX_ARCS, MAX_TOTAL, MAX_NAMES = 500, 2000, 10_000, 100
 _FEWER = f"At most {MAX_NAMES} are allowed."
@@ -44,7 +44,7 @@ def _keys(nodes: Mapping[str, Node], here: tuple[str, ...], prefix: str) -> Iter
             yield Finding(f"{path}.type", "W2", *_wrong_type(node, here))
             continue
         needed, allowed = KEYS[node.type]
-        given = {k for k in node.model_fields_set if getattr(node, k) not in (None, False)}
+        given = {k for k in node.model_fields_set if getattr(node, k) not in (None, False, "", {}, [])}
         for key in sorted(needed - given):
             yield Finding(path, "W2", f"a node of type {node.type} needs {key!r}")
         for key in sorted(given - allowed):
@@ -60,11 +60,9 @@ def _wrong_type(node: Node, here: tuple[str, ...]) -> tuple[str, str]:
     return f"there is no node type {node.type!r}", did_you_mean(node.type, here)
 
 
-def w3_version_and_meta(context: WorkflowContext) -> Iterator[Finding]:
-    """W3: the version of the format, and the meta keys that mean something."""
+def w3_meta(context: WorkflowContext) -> Iterator[Finding]:
+    """W3: the meta keys that mean something; the version is the reader's to check."""
     workflow = context.workflow
-    if workflow.version != VERSION:
-        yield Finding("version", "W3", f"is {workflow.version}, and this reads version {VERSION}")
     hz = workflow.meta.get("observation_stream_hz")
     if hz is not None and not _positive(hz):
         yield Finding("meta.observation_stream_hz", "W3", f"{hz!r} is not a positive number", 'Write "10".')
@@ -89,7 +87,7 @@ def w5_names(context: WorkflowContext) -> Iterator[Finding]:
         d = sg.definition
         for part, names in (("nodes", d.nodes), ("inputs", d.inputs), ("outputs", d.outputs)):
             yield from _names(f"{sg.path}.{part}", names)
-        values = {"exit.success_values": d.exit.success_values, "on_error": [d.on_error]}
+        values = {"exit.success_values": d.exit.success_values, "on_error": [d.on_error] if d.on_error else []}
         for part, words in values.items():
             yield from _names(f"{sg.path}.{part}", dict.fromkeys(words), whole_path=True)
 
@@ -130,4 +128,4 @@ def w6_size(workflow: Workflow) -> list[Finding]:
 
 
 RULES = (w2_keys_of_a_node,)
-TOP_RULES = (w2_keys_at_the_top, w3_version_and_meta, w5_names)
+TOP_RULES = (w2_keys_at_the_top, w3_meta, w5_names)

@@ -118,7 +118,7 @@ def k5_exits_of_the_skill(sg: SubgraphContext) -> Iterator[Finding]:
         if value not in exits.success:
             hint = did_you_mean(value, exits.success)
             yield sg.finding("K5", "exit.success_values", f"{value!r} is not an exit of {d.skill}", hint)
-    if d.on_error != exits.failure:
+    if d.on_error and d.on_error != exits.failure:
         message = f"on_error is {d.on_error!r}, and {d.skill} fails with {exits.failure!r}"
         yield sg.finding("K5", "on_error", message, f'Write sg.set_on_error("{exits.failure}").')
 

@@ -36,7 +36,7 @@ def s1_edges_join_declared_nodes(sg: SubgraphContext) -> Iterator[Finding]:
     """S1 inside a subgraph."""
     d = sg.definition
     for finding in dangling(set(d.nodes), d.edges, d.conditional_edges, f"{sg.path}."):
-        if not (".mapping." in finding.path and f"{d.on_error!r}" in finding.message):  # S10 says it better
+        if not (".mapping." in finding.path and f"{sg.on_error!r}" in finding.message):  # S10 says it better
             yield finding
 
 
@@ -52,7 +52,7 @@ def s2_everything_is_reachable(sg: SubgraphContext) -> Iterator[Finding]:
 
 
 def _lead_to(sg: SubgraphContext, name: str) -> str:
-    if sg.definition.on_error == name:
+    if sg.on_error == name:
         return "on_error is not a node; drop the node."
     return f'Lead to it: add_edge(..., "{name}"); or drop it.'
 

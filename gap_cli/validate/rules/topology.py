@@ -1,4 +1,4 @@
-"""W7-W10 and W14: where the task begins, where each exit leads, where it ends, and how often it may go round."""
+"""W7-W10, W14 and W15: where the task begins, where each exit leads, where it ends, and how often it may go round."""
 
 from __future__ import annotations
 
@@ -49,22 +49,35 @@ def w8_every_exit_is_routed(context: WorkflowContext) -> Iterator[Finding]:
 
 
 def _routed(context: WorkflowContext, name: str, sg: SubgraphContext) -> Iterator[Finding]:
-    exits = [*dict.fromkeys([*sg.definition.exit.success_values, sg.definition.on_error])]
+    success, on_error = sg.definition.exit.success_values, sg.on_error
+    exits = list(dict.fromkeys([*success, on_error] if on_error else success))
     routes = context.workflow.conditional_edges.get(name)
     mapping = routes.mapping if routes is not None else {}
     plain = any(source == name for source, _ in context.workflow.edges)
-    for value in exits:
-        if value not in mapping and not (plain and value != sg.definition.on_error):
-            kind = "on_error" if value == sg.definition.on_error else "exit"
-            hint = f'Add "{value}": <node> to the conditional edges of {name}.'
-            yield Finding(f"conditional_edges.{name}", "W8", f"{kind} {value!r} of {name!r} leads nowhere", hint)
-    for value in mapping:
-        if value not in exits:
-            path = f"conditional_edges.{name}.mapping.{value}"
-            on_error = sg.definition.on_error
-            hint = f'Declare on_error="{value}", or route "{on_error}".' if on_error not in mapping else ""
-            hint = hint or did_you_mean(value, exits)
-            yield Finding(path, "W8", f"{value!r} is not an exit of {name!r}", hint)
+    missing = [v for v in exits if v not in mapping and not (plain and v != on_error)]
+    unknown = [v for v in mapping if v not in exits]
+    renamed = len(missing) == len(unknown) == 1 and not (sg.contract and unknown[0] == sg.contract.exits.failure)
+    for value in missing:
+        kind = "on_error" if value == on_error else "exit"
+        hint = f'Add "{value}": <node> to the conditional edges of {name}.'
+        hint = f'Write "{value}" for "{unknown[0]}" in the conditional edges of {name}.' if renamed else hint
+        yield Finding(f"conditional_edges.{name}", "W8", f"{kind} {value!r} of {name!r} leads nowhere", hint)
+    for value in unknown:
+        hint = f'Declare on_error="{value}", or route "{on_error}".' if on_error in missing else ""
+        hint = f'Write "{missing[0]}" for it.' if renamed else hint or did_you_mean(value, exits)
+        yield Finding(f"conditional_edges.{name}.mapping.{value}", "W8", f"{value!r} is not an exit of {name!r}", hint)
+
+
+def w15_failures_do_not_end_well(context: WorkflowContext) -> Iterator[Finding]:
+    """W15, a note: on_error leads to a success end, so that whatever breaks in there counts as success."""
+    w = context.workflow
+    for name, sg in context.subgraph_nodes():
+        routes = w.conditional_edges.get(name)
+        end = routes.mapping.get(sg.on_error) if routes is not None else None
+        if end in w.nodes and w.nodes[end].status == "success":
+            message = f"{sg.on_error!r} leads to the success end {end!r}: a crash in {name!r} would count as success"
+            hint = "Lead it to a failure end, or to a subgraph that does without."
+            yield Finding(f"conditional_edges.{name}.mapping.{sg.on_error}", "W15", message, hint, "note")
 
 
 def w9_ends(context: WorkflowContext) -> Iterator[Finding]:
@@ -102,25 +115,27 @@ def w10_definitions(context: WorkflowContext) -> Iterator[Finding]:
 
 def w14_loops_have_a_budget(context: WorkflowContext) -> Iterator[Finding]:
     """W14: a loop of subgraphs none of which says how often it may be visited."""
+    if not context.flow.back:
+        return
+    import networkx as nx  # takes 80 ms, and only a graph with loops needs it
+
     w = context.workflow
     routed = [(s, t) for s, routes in w.conditional_edges.items() for t in routes.mapping.values()]
-    edges = [(s, t) for s, t in [*w.edges, *routed] if s in w.nodes and t in w.nodes]
-    free = {n for n, node in w.nodes.items() if node.max_visits is None}
-    left = set(free)
-    while left:  # peel off what leads out of the free nodes; what stays is on a free loop or leads into one
-        leading = {s for s, t in edges if s in left and t in left}
-        if leading == left:
-            break
-        left = leading
-    while left:
-        reached = {t for s, t in edges if s in left and t in left}
-        if reached == left:
-            break
-        left = reached
-    if left:
-        first = min(left)
-        hint = f'Write spec.add_subgraph_node("{first}", ..., max_visits=<n>).'
-        yield Finding(f"nodes.{first}", "W14", f"{', '.join(sorted(left))} can go round without end", hint)
+    graph = nx.DiGraph([*w.edges, *routed])
+    graph.remove_nodes_from([n for n, node in w.nodes.items() if node.max_visits is not None])
+    for loop in nx.strongly_connected_components(graph):
+        first = min(loop)
+        if len(loop) > 1 or graph.has_edge(first, first):
+            hint = f'Write spec.add_subgraph_node("{first}", ..., max_visits=<n>).'
+            yield Finding(f"nodes.{first}", "W14", f"{', '.join(sorted(loop))} can go round without end", hint)
 
 
-TOP_RULES = (s1_top, w7_entry, w8_every_exit_is_routed, w9_ends, w10_definitions, w14_loops_have_a_budget)
+TOP_RULES = (
+    s1_top,
+    w7_entry,
+    w8_every_exit_is_routed,
+    w9_ends,
+    w10_definitions,
+    w14_loops_have_a_budget,
+    w15_failures_do_not_end_well,
+)

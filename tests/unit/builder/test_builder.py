@@ -63,6 +63,29 @@ def test_what_no_file_can_hold_is_refused_where_it_is_written(code):
         run(code, sg=Subgraph("sg", skill="pick"))
 
 
+@pytest.mark.parametrize(("code", "says"), [
+    ('sg.add_input("a", type_name="Mask")', "add_input(): has no 'type_name' Known: proto_type."),
+    ('sg.add_checkpoint("a", "w.time > 1", rational="x")', "has no 'rational' Did you mean 'rationale'?"),
+    ('sg.add_node("a", type="noop", colour="red")', "a node has no 'colour' Known: deadline_s,"),
+    ('sg.add_node("a", type="tool", tol="x")', "a node has no 'tol' Did you mean 'tool'?"),
+    ('sg.add_node("a")', "missing a required"),
+    ('sg.add_edge("a", "b", "c")', "too many positional arguments It takes source, target."),
+    ('sg.add_nodes("a")', "Subgraph.add_nodes: does not exist Did you mean 'add_node'?"),
+    ('Subgraph("a", skil="b")', "Subgraph(): has no 'skil' Did you mean 'skill'?"),
+    ('ServiceCall("a.B", input={})', "ServiceCall(): has no 'input' Did you mean 'inputs'?"),
+    ('Ref(node="a")', "Ref(): has no 'node' Known: path."),
+])  # fmt: skip
+def test_a_call_that_does_not_exist_says_what_does(code, says):
+    with pytest.raises(DocumentError) as error:
+        run(code, sg=Subgraph("sg", skill="pick"))
+    assert says in str(error.value)
+
+
+def test_what_a_topology_takes_is_said_too():
+    with pytest.raises(DocumentError, match="has no 'exits' Known: description, exit_success_values, inputs, names"):
+        WorkflowSpec("w").declare_subgraph("a", skill="pick", exits=["done"])
+
+
 @pytest.mark.parametrize(("keys", "hint"), [
     ({"type": "service", "service": "gripper.v1.Gripper", "method": "Open"}, 'type="tool", tool="gripper.Open"'),
     ({"type": "skill", "skill": "run_policy"}, 'type="tool", tool="run_policy"'),
@@ -142,6 +165,24 @@ def _without_imports(code):
 def test_data_survives_a_round_trip_through_the_model():
     data = plain_workflow()
     assert dump_workflow(parse_workflow(data, "w")) == data
+
+
+def test_a_subgraph_without_on_error_has_the_declared_one_or_that_of_its_skill():
+    spec, subgraphs = example()
+    built = {s.name: s.to_dict() for s in subgraphs}
+    for name in built:
+        built[name]["def"]["on_error"] = ""
+    assert assemble(spec.to_dict(), built).subgraphs["pick_sg"].on_error == "failed"
+    spec.subgraphs["pick_sg"]["on_error"] = ""
+    workflow = assemble(spec.to_dict(), built)
+    assert "on_error" not in dump_workflow(workflow)["subgraphs"]["pick_sg"]
+    assert "on_error" not in subgraph_source("pick_sg", workflow.subgraphs["pick_sg"])
+
+
+def test_the_stream_of_observations_may_be_declared_on_either_side():
+    spec, subgraphs = example()
+    subgraphs[1].add_input("observation_stream", "ObservationStream")
+    assemble(spec.to_dict(), {s.name: s.to_dict() for s in subgraphs})
 
 
 def test_assembling_names_every_disagreement():

@@ -72,6 +72,14 @@ def test_the_papers_spelling_of_a_skill_resolves():
     assert compile_workflow(w, Path(), tools, {"pick-up": fake_skill()}, {}).nodes
 
 
+def test_without_on_error_a_subgraph_fails_as_its_skill_does():
+    w = one("fake.Nothing")
+    bare = w.model_copy(
+        update={"subgraphs": {n: d.model_copy(update={"on_error": ""}) for n, d in w.subgraphs.items()}}
+    )
+    assert [n.subgraph.on_error for n in compile_fake(bare).nodes if n.subgraph] == [fake_skill().exits.failure]
+
+
 def test_a_script_that_cannot_be_loaded_says_why(tmp_path):
     for source, says in (
         ("def run(ctx) -> None:\n  pass\nimport nonsense_module\n", "ModuleNotFoundError"),

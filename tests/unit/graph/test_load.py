@@ -96,6 +96,46 @@ def test_retired_types_and_other_faults_of_shape_come_together():
     assert judge(json.dumps(data)) == ["W2", "W1"]
 
 
+def findings_of(data):
+    with pytest.raises(WorkflowError) as error:
+        parse_workflow(data, "it")
+    return error.value.findings
+
+
+@pytest.mark.parametrize(("version", "hint"), [
+    (2, "begin -> an edge from START"), ("3", "Write 3, without quotes."), (True, '"version": 3'), (4, '"version": 3'),
+])  # fmt: skip
+def test_another_version_is_the_only_thing_said(version, hint):
+    (finding,) = findings_of({"version": version, "begin": "x", "states": {"x": {"type": "service"}}})
+    assert (finding.path, finding.code) == ("version", "W3") and hint in finding.hint
+
+
+@pytest.mark.parametrize(("key", "value", "hint"), [
+    ("max_visits", "2", "Write 2, without quotes."), ("deadline_s", "2.5", "Write 2.5, without quotes."),
+    ("streaming", "true", "Write true, without quotes."), ("description", 3, 'Write "3", in quotes.'),
+    ("max_visits", "two", ""), ("streaming", 1, ""),
+])  # fmt: skip
+def test_text_is_no_number_and_a_number_no_text(key, value, hint):
+    data = plain_workflow()
+    data["subgraphs"]["pick_sg"]["nodes"]["open"][key] = value
+    (finding,) = findings_of(data)
+    assert (finding.code, finding.path.rpartition(".")[2], finding.hint) == ("W1", key, hint)
+
+
+@pytest.mark.parametrize(("parent", "key"), [
+    ("subgraphs.pick_sg", "skill"), ("subgraphs.pick_sg", "exit"), ("subgraphs.pick_sg.exit", "success_values"),
+    ("subgraphs.pick_sg.nodes.open", "type"), ("conditional_edges.pick", "mapping"), ("", "nodes"), ("", "subgraphs"),
+])  # fmt: skip
+def test_a_key_that_is_missing_is_given_as_the_line_to_add(parent, key):
+    data = plain_workflow()
+    place = data
+    for name in filter(None, parent.split(".")):
+        place = place[name]
+    del place[key]
+    (finding,) = findings_of(data)
+    assert finding.message == "is missing" and finding.hint.startswith(f'Add "{key}": ')
+
+
 def test_depth_is_refused_wherever_it_comes_from():
     data, deep = plain_workflow(), []
     for _ in range(10_000):

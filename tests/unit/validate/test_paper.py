@@ -143,10 +143,14 @@ def test_the_prompt_s_patterns_have_a_sound_structure(name, success):
     assert sg["exit"]["success_values"] == success
     data = {
         "version": 3, "subgraphs": {"p_sg": sg},
-        "nodes": {"p": {"type": "subgraph", "ref": "p_sg"}, "done": {"type": "end", "status": "success"}},
+        "nodes": {
+            "p": {"type": "subgraph", "ref": "p_sg"},
+            "done": {"type": "end", "status": "success"},
+            "abort": {"type": "end", "status": "failure"},
+        },
         "edges": [["START", "p"]],
         "conditional_edges": {
-            "p": {"router_field": "exit", "mapping": dict.fromkeys([*success, sg["on_error"]], "done")},
+            "p": {"router_field": "exit", "mapping": {**dict.fromkeys(success, "done"), sg["on_error"]: "abort"}},
         },
     }  # fmt: skip
     found = validate(parse_workflow(data, name), CATALOG)

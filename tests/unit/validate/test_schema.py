@@ -40,12 +40,18 @@ def test_every_document_of_the_house_fits(kind, path):
 
 
 def test_a_workflow_fits():
-    assert accepts("workflow", plain_workflow())
+    data = plain_workflow()
+    assert accepts("workflow", data)
+    data["subgraphs"]["pick_sg"]["inputs"]["observation_stream"] = "ObservationStream"
+    del data["subgraphs"]["pick_sg"]["on_error"]
+    assert accepts("workflow", data)
 
 
 MUTATIONS = {
     "unknown key": lambda w: w.update(colour="red"),
     "wrong version": lambda w: w.update(version=2),
+    "text for a number": lambda w: w["subgraphs"]["pick_sg"]["nodes"]["open"].update(deadline_s="2"),
+    "no such stream": lambda w: w["subgraphs"]["pick_sg"]["inputs"].update(observation_stream="Mask"),
     "retired type": lambda w: w["subgraphs"]["pick_sg"]["nodes"]["open"].update(type="service"),
     "end inside": lambda w: w["subgraphs"]["pick_sg"]["nodes"].update(x={"type": "end", "status": "success"}),
     "tool on top": lambda w: w["nodes"].update(x={"type": "tool", "tool": "gripper.Open"}),

@@ -8,7 +8,8 @@ from gap_cli.analysis.catalog import contract_names, infer_names, read_catalog, 
 from gap_cli.validate.validator import require_valid, validate
 from gap_runtime.errors import WorkflowError
 from gap_runtime.graph.load import parse_workflow
-from tests.unit.validate.kit import SKILLS, SOURCES, TOOLS, catalog, findings_at, plain_workflow
+from gap_runtime.graph.scripts import read_signature
+from tests.unit.validate.kit import SCRIPTS, SKILLS, SOURCES, TOOLS, catalog, findings_at, plain_workflow
 
 OPEN = 'sg.add_node("open", type="tool", tool="gripper.Open")\n'
 CHECK = 'sg.add_node("check", type="script", script="scripts/check.py", inputs={"opening": 0.02})\n'
@@ -189,6 +190,60 @@ sg.add_edge("left", "done")
     assert {c for c, _ in of(code % "up")} == {"D9"}
 
 
+@pytest.mark.parametrize("returns", ["dict", "dict[str, str]", "Any", "list[str]", "float", "None"])
+def test_a_router_returns_the_name_of_a_node_or_a_list_of_sends(returns):
+    route = read_signature(f"from typing import Any\ndef run(ctx) -> {returns}: ...", "route")
+    data = plain_workflow()
+    sg = data["subgraphs"]["pick_sg"]
+    sg["nodes"] |= {"route": {"type": "router", "script": "scripts/route.py"}, "opened": {"type": "noop"}}
+    sg["edges"] = [["START", "route"], ["open", "done"], ["done", "END"], ["opened", "END"]]
+    sg["conditional_edges"] = {"route": {"mapping": {"ok": "open", "no": "opened"}}}
+    sg["exit"]["success_values"] = ["done", "opened"]
+    data["conditional_edges"]["pick"]["mapping"]["opened"] = "done"
+    (finding,) = validate(parse_workflow(data, "x"), catalog(scripts={**SCRIPTS, "scripts/route.py": route}))
+    assert (finding.code, finding.path) == ("D9", "subgraphs.pick_sg.conditional_edges.route")
+    assert "the name of a node" in finding.message and "-> str" in finding.hint
+
+
+def with_two_ways_of_seeing(data):
+    """`see` finds its box at exit found, and by chance at exit maybe."""
+    sg = data["subgraphs"]["see_sg"]
+    sg["nodes"] |= {
+        "check": {"type": "script", "script": "scripts/check.py", "inputs": {"opening": 0.0}},
+        "sure": {"type": "script", "script": "scripts/check.py", "inputs": {"opening": 0.0}},
+        "maybe": {"type": "noop"},
+    }
+    sg["edges"] = [["START", "check"], ["look", "find"], ["find", "box"], ["box", "sure"], ["found", "END"],
+                   ["maybe", "END"]]  # fmt: skip
+    sg["conditional_edges"] = {
+        "check": {"router_field": "state", "mapping": {"held": "look", "empty": "maybe"}},
+        "sure": {"router_field": "state", "mapping": {"held": "found", "empty": "maybe"}},
+    }
+    sg["exit"]["success_values"] = ["found", "maybe"]
+    exits = type(SKILLS["see"].exits)(success={"found": "it", "maybe": "or not"}, failure="not_found")
+    given = catalog()
+    return type(given)(given.tools, {**SKILLS, "see": SKILLS["see"].model_copy(update={"exits": exits})}, given.scripts)
+
+
+def test_an_output_that_is_there_only_sometimes_may_collide_and_may_be_missing():
+    data = plain_workflow()
+    known = with_two_ways_of_seeing(data)
+    routes = data["conditional_edges"]["see"]["mapping"]
+    routes["maybe"] = "done"
+    assert validate(parse_workflow(data, "x"), known) == []
+    routes["maybe"] = "pick"
+    assert [f.code for f in validate(parse_workflow(data, "x"), known)] == ["W12"]
+    data["nodes"]["again"] = {"type": "subgraph", "ref": "again_sg"}
+    data["subgraphs"]["again_sg"] = data["subgraphs"]["see_sg"]
+    data["conditional_edges"]["again"] = {
+        "router_field": "exit", "mapping": {"found": "pick", "maybe": "done", "not_found": "abort"},
+    }  # fmt: skip
+    routes |= {"found": "pick", "maybe": "again"}
+    found = validate(parse_workflow(data, "x"), known)
+    assert {f.code for f in found} == {"W13"}
+    assert {f.path for f in found} == {f"subgraphs.again_sg.outputs.target_{n}" for n in ("obb", "cloud")}
+
+
 def test_an_output_that_only_some_exits_give_is_missed_only_after_the_others():
     data = plain_workflow()
     sg = data["subgraphs"]["see_sg"]
@@ -280,3 +335,82 @@ def test_require_valid_raises_with_every_finding():
     with pytest.raises(WorkflowError) as error:
         require_valid(parse_workflow(data, "x"), catalog())
     assert [f.code for f in error.value.findings] == ["W3", "K2"]
+
+
+@pytest.mark.parametrize("declared", ["ObservationStream", "Observation", None])
+def test_the_stream_of_observations_is_always_there(declared):
+    data = plain_workflow()
+    sg = data["subgraphs"]["pick_sg"]
+    sg["inputs"] |= {"observation_stream": declared} if declared else {}
+    stream = {"observation_stream": {"$ref": "in.observation_stream"}}
+    sg["nodes"]["track"] = {"type": "tool", "tool": "track_object", "streaming": True, "inputs": stream}
+    sg["edges"].append(["START", "track"])
+    assert validate(parse_workflow(data, "x"), catalog()) == []
+
+
+def test_the_stream_of_observations_is_of_one_type():
+    data = plain_workflow()
+    data["subgraphs"]["pick_sg"]["inputs"]["observation_stream"] = "Mask"
+    (finding,) = validate(parse_workflow(data, "x"), catalog())
+    assert finding.code == "W11" and "ObservationStream" in finding.message
+
+
+def test_without_on_error_a_subgraph_fails_as_its_skill_does():
+    data = plain_workflow()
+    del data["subgraphs"]["pick_sg"]["on_error"]
+    assert validate(parse_workflow(data, "x"), catalog()) == []
+    del data["conditional_edges"]["pick"]["mapping"]["failed"]
+    (finding,) = validate(parse_workflow(data, "x"), catalog())
+    assert finding.code == "W8" and "'failed' of 'pick' leads nowhere" in finding.message
+    assert finding.hint == 'Add "failed": <node> to the conditional edges of pick.'
+
+
+def test_a_failure_exit_routed_by_another_name_is_found_with_the_word_to_write():
+    data = plain_workflow()
+    for node, failure in (("see", "not_found"), ("pick", "failed")):
+        mapping = data["conditional_edges"][node]["mapping"]
+        mapping["abort"] = mapping.pop(failure)
+    found = validate(parse_workflow(data, "x"), catalog())
+    assert [f.code for f in found] == ["W8"] * 4
+    assert {(f.path, f.hint) for f in found} == {
+        ("conditional_edges.see", 'Write "not_found" for "abort" in the conditional edges of see.'),
+        ("conditional_edges.see.mapping.abort", 'Write "not_found" for it.'),
+        ("conditional_edges.pick", 'Write "failed" for "abort" in the conditional edges of pick.'),
+        ("conditional_edges.pick.mapping.abort", 'Write "failed" for it.'),
+    }
+
+
+def test_a_failure_that_ends_well_is_a_note_and_stops_nothing():
+    data = plain_workflow()
+    data["conditional_edges"]["pick"]["mapping"]["failed"] = "done"
+    workflow = parse_workflow(data, "x")
+    assert [(f.code, f.severity) for f in validate(workflow, catalog())] == [("W15", "note")]
+    require_valid(workflow, catalog())
+
+
+def test_empty_keys_of_another_type_say_nothing():
+    data = plain_workflow()
+    data["nodes"]["done"] |= {"inputs": {}, "tool": "", "streaming": False}
+    assert validate(parse_workflow(data, "x"), catalog()) == []
+    data["nodes"]["done"]["inputs"] = {"x": 1}
+    assert [f.code for f in validate(parse_workflow(data, "x"), catalog())] == ["W2"]
+
+
+def test_an_index_from_the_back_is_refused_with_what_is_allowed():
+    finding = only(
+        LOOK
+        + """sg.add_node("find", type="script", script="scripts/perceive.py",
+        inputs={"cameras": Ref("look.cameras.-1"), "object_name": "soup"})"""
+    )
+    assert finding.code == "D3" and "'-1'" in finding.message and "look.cameras.0" in finding.hint
+
+
+def test_only_the_loop_without_a_budget_is_named():
+    data = plain_workflow()
+    routes = data["conditional_edges"]
+    routes["see"]["mapping"]["not_found"] = "see"
+    routes["pick"]["mapping"]["failed"] = "pick"
+    data["nodes"]["pick"]["max_visits"] = 2
+    del data["nodes"]["abort"]
+    (finding,) = validate(parse_workflow(data, "x"), catalog())
+    assert (finding.code, finding.path) == ("W14", "nodes.see") and finding.message.startswith("see can go round")
