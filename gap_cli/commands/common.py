@@ -37,6 +37,13 @@ RunName = Annotated[
         metavar="RUN", help="A run's name or folder; the latest when left out.", autocompletion=complete_run
     ),
 ]
+Skills = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--skills", metavar="PATH", envvar="GAP_SKILLS_PATH", exists=True, file_okay=False,
+        help="A skill, or a folder of skills, beside the installed ones. Recorded in the run.",
+    ),
+]  # fmt: skip
 Root = Annotated[Path, typer.Option(help="The folder that holds the runs.", envvar="GAP_RUNS", show_default=True)]
 AsJson = Annotated[bool, typer.Option("--json", help="Print data as JSON and nothing else on stdout.")]
 RUNS = Path("runs")
@@ -84,6 +91,13 @@ def _print_cells(title: str, columns: Sequence[str], rows: Iterable[Sequence[Any
             if cell.strip():
                 out.print(f"{column}: {cell}" if column else cell, markup=False)
         out.print()
+
+
+def open_run(root: Path, name: str | None, skills: list[Path] | None) -> Run:
+    """The run, `skills` recorded in it. Raises `RunError`, `StorageError`."""
+    from gap_cli.workspace.run import Run
+
+    return Run.open(root, name).with_skills(skills or ())
 
 
 def print_done(run: Run, stage: str, lines: Iterable[str], *, next_step: str = "") -> None:

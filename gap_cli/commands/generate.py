@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from gap_cli.commands.common import RUNS, AsJson, Root, RunName, print_done, print_json
+from gap_cli.commands.common import RUNS, AsJson, Root, RunName, Skills, open_run, print_done, print_json
 
 
 def generate(
@@ -14,14 +14,14 @@ def generate(
     unsafe_no_sandbox: Annotated[
         bool, typer.Option(help="Run builder code where the sandbox cannot be set up. Recorded in the run.")
     ] = False,
+    skills: Skills = None,
     root: Root = RUNS,
     json: AsJson = False,
 ) -> None:
     """Write the graph the plan describes: workflow, subgraphs, scripts, checkpoints."""
     from gap_cli.commands.pipeline import generate_run
-    from gap_cli.workspace.run import Run
 
-    opened = Run.open(root, run)
+    opened = open_run(root, run, skills)
     made = generate_run(opened, unsafe=unsafe_no_sandbox)
     if json:
         print_json({"run": opened.name, "path": str(opened.folder("generate")), **made})

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from gap_cli.commands.common import RUNS, AsJson, Root, complete_task, print_done, print_json
+from gap_cli.commands.common import RUNS, AsJson, Root, Skills, complete_task, print_done, print_json
 
 
 def plan(
@@ -19,6 +19,7 @@ def plan(
     provider: Annotated[
         list[str] | None, typer.Option(metavar="TOOL=NAME", help="Serve a tool, or service.*, by this provider.")
     ] = None,
+    skills: Skills = None,
     root: Root = RUNS,
     json: AsJson = False,
 ) -> None:
@@ -27,8 +28,9 @@ def plan(
     from gap_cli.workspace.run import RunConfig
     from gap_runtime.contracts.documents import read_json
 
-    question = {"task": task, "instruction": say, "variant": variant, "author": author, "seed": seed}
-    config = RunConfig.load({**question, "providers": _pairs(provider or [])}, "gap plan")
+    question: dict[str, Any] = {"task": task, "instruction": say, "variant": variant, "author": author, "seed": seed}
+    question |= {"providers": _pairs(provider or []), "skills": [str(p.resolve()) for p in skills or ()]}
+    config = RunConfig.load(question, "gap plan")
     run = plan_run(Path(root), config)
     data = read_json(run.folder("plan") / "plan.json")
     if json:

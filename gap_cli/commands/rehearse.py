@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gap_cli.commands.common import RUNS, AsJson, Root, RunName, print_done, print_json, print_table
+from gap_cli.commands.common import RUNS, AsJson, Root, RunName, Skills, open_run, print_done, print_json, print_table
 from gap_runtime.errors import GapError
 
 if TYPE_CHECKING:
@@ -36,13 +36,12 @@ def rehearse(
     workers: Workers = 2,
     record: Record = Recorded.failed,
     engine: Annotated[str, typer.Option(help="Where episodes run.")] = "local",
+    skills: Skills = None,
     root: Root = RUNS,
     json: AsJson = False,
 ) -> None:
     """Roll out N instances, seeds SEED to SEED+N-1, and write episodes, summary and feedback."""
-    from gap_cli.workspace.run import Run
-
-    opened = Run.open(root, run)
+    opened = open_run(root, run, skills)
     found = rehearse_run(opened, n, seed, workers, record, engine)
     if json:
         path = str(opened.folder("rehearse/00"))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gap_cli.commands.common import RUNS, AsJson, Root, RunName, console, print_done, print_json
+from gap_cli.commands.common import RUNS, AsJson, Root, RunName, Skills, console, open_run, print_done, print_json
 
 if TYPE_CHECKING:
     from gap_runtime.run.events import Event
@@ -23,14 +23,14 @@ def run(
         Path | None, typer.Option(metavar="RULES.yaml", help="Replace nodes or tools by mocks and injected faults.")
     ] = None,
     video: Annotated[bool, typer.Option("--video", help="Record the first camera for `gap view`.")] = False,
+    skills: Skills = None,
     root: Root = RUNS,
     json: AsJson = False,
 ) -> None:
     """Run the graph once. Exit 0 where it succeeded, 1 where it did not, 130 where it was interrupted."""
     from gap_cli.rehearse.single_run import run_once
-    from gap_cli.workspace.run import Run
 
-    opened = Run.open(root, run)
+    opened = open_run(root, run, skills)
     with opened.held():
         ended = run_once(
             opened, seed=seed, dry=dry, rules=substitute, video=video, observers=[] if json else [print_event]

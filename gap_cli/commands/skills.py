@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gap_cli.commands.common import AsJson, console, print_json, print_table
+from gap_cli.commands.common import AsJson, Skills, console, print_json, print_table
 
 if TYPE_CHECKING:
     from gap_cli.skills import SkillBundle, SkillLibrary
@@ -22,9 +22,9 @@ def complete_skill(incomplete: str) -> list[str]:
 
 
 @app.command("list")
-def list_skills(json: AsJson = False) -> None:
+def list_skills(skills: Skills = None, json: AsJson = False) -> None:
     """List the installed skills."""
-    listed = [_as_dict(bundle) for bundle in _library().values()]
+    listed = [_as_dict(bundle) for bundle in _library(skills).values()]
     if json:
         print_json(listed)
         return
@@ -35,10 +35,11 @@ def list_skills(json: AsJson = False) -> None:
 @app.command()
 def show(
     name: Annotated[str, typer.Argument(metavar="NAME", help="A skill.", autocompletion=complete_skill)],
+    skills: Skills = None,
     json: AsJson = False,
 ) -> None:
     """Show what agents read about one skill, and its typed contract."""
-    bundle = _library().find(name)
+    bundle = _library(skills).find(name)
     if json:
         contract = bundle.contract.model_dump(mode="json", exclude_defaults=True)
         print_json({**_as_dict(bundle), "contract": contract, "body": bundle.body})
@@ -96,11 +97,11 @@ def check(
         raise typer.Exit(1)
 
 
-def _library() -> SkillLibrary:
+def _library(own: list[Path] | None = None) -> SkillLibrary:
     from gap_cli.skills import load_library
     from gap_runtime.plugins import load_registry
 
-    return load_library(load_registry().skill_paths)
+    return load_library(load_registry().skill_paths, own or ())
 
 
 def _as_dict(bundle: SkillBundle) -> dict[str, Any]:

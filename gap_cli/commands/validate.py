@@ -7,18 +7,17 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from gap_cli.commands.common import RUNS, AsJson, Root, RunName, print_done, print_json, print_table
+from gap_cli.commands.common import RUNS, AsJson, Root, RunName, Skills, open_run, print_done, print_json, print_table
 
 if TYPE_CHECKING:
     from gap_runtime.errors import Finding
 
 
-def validate(run: RunName = None, root: Root = RUNS, json: AsJson = False) -> None:
+def validate(run: RunName = None, skills: Skills = None, root: Root = RUNS, json: AsJson = False) -> None:
     """Check the graph against the tools, skills and objects there are. Exit 1 where an error is found."""
     from gap_cli.commands.pipeline import validate_run
-    from gap_cli.workspace.run import Run
 
-    opened = Run.open(root, run)
+    opened = open_run(root, run, skills)
     findings = validate_run(opened)
     errors = [f for f in findings if f.severity == "error"]
     if json:

@@ -84,14 +84,24 @@ class SkillLibrary(Mapping[str, SkillBundle]):
         return {b.name: b.scripts["run"] for b in bundles if b.contract.kind == "atomic" and "run" in b.scripts}
 
 
-def load_library(paths: Iterable[tuple[Path, str]]) -> SkillLibrary:
-    """Read every skill below the registered paths; each path is a skill or a directory of skills.
+def load_library(registered: Iterable[tuple[Path, str]], own: Iterable[Path] = ()) -> SkillLibrary:
+    """Read every skill below the registered paths and the user's `own`; each path is a skill or a directory of skills.
 
-    One that cannot be read is left out, with a warning that names its plugin and file. Raises `PluginError` for two
-    skills of one name.
+    One that cannot be read is left out, with a warning that names its plugin and file; one of `own` replaces a
+    registered one of its name. Raises `PluginError` for two skills of one name.
     """
-    bundles: list[SkillBundle] = []
     left_out: dict[str, LeftOut] = {}
+    mine = _load([(path, str(path)) for path in own], left_out)
+    names = {bundle.name for bundle in mine}
+    theirs = _load(registered, left_out)
+    for bundle in theirs:
+        if bundle.name in names:
+            log.warning("skill %s of plugin %r is replaced by --skills", bundle.name, bundle.plugin)
+    return SkillLibrary([*mine, *(b for b in theirs if b.name not in names)], left_out)
+
+
+def _load(paths: Iterable[tuple[Path, str]], left_out: dict[str, LeftOut]) -> list[SkillBundle]:
+    bundles: list[SkillBundle] = []
 
     def leave_out(path: Path, plugin: str, error: GapError) -> None:
         left_out[path.name] = LeftOut(plugin, error)
@@ -110,7 +120,7 @@ def load_library(paths: Iterable[tuple[Path, str]]) -> SkillLibrary:
                 leave_out(folder, plugin, error)
         if len(bundles) > MAX_SKILLS:
             raise DocumentError(str(path), f"more than {MAX_SKILLS} skills")
-    return SkillLibrary(bundles, left_out)
+    return bundles
 
 
 def skill_folders(path: Path) -> list[Path]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 from gap_cli.skills import SkillLibrary, load_library
@@ -40,8 +41,8 @@ class Inventory:
 
     @cached_property
     def library(self) -> SkillLibrary:
-        """All skills. Raises `DocumentError`, `PluginError`."""
-        return load_library(self.registry.skill_paths)
+        """All skills, the run's own before the installed ones. Raises `PluginError`."""
+        return load_library(self.registry.skill_paths, map(Path, self.config.skills))
 
     @property
     def tools(self) -> dict[str, ToolSpec]:

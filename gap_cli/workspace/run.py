@@ -6,7 +6,7 @@ import fcntl
 import os
 import re
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -27,7 +27,8 @@ _NAME = re.compile(r"^[a-z][a-z0-9-]*-(?P<number>\d{3,})$")
 
 class RunConfig(Document):
     """run.yaml: what was asked of a run, and nothing that depends on when or where. `seed` is the base seed of its
-    rehearsals; `providers` maps a tool name or `service.*` to the provider that must serve it."""
+    rehearsals; `providers` maps a tool name or `service.*` to the provider that must serve it; `skills` are folders of
+    skills beside those that are installed, absolute here and relative to the run in run.yaml."""
 
     schema_: Literal["gap/run/v1"] = Field(default="gap/run/v1", alias="schema")
     task: str = Field(pattern=r"^[a-z][a-z0-9]*(-[a-z0-9]+)*$", max_length=64)
@@ -36,6 +37,7 @@ class RunConfig(Document):
     author: str = "symbolic"
     seed: int = 0
     providers: dict[str, str] = {}
+    skills: list[str] = []
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ class Run:
             except OSError as error:
                 raise storage_error(path, error) from None
         try:
-            write_yaml(path / "run.yaml", config.model_dump(by_alias=True))
+            _write(path, config)
         except BaseException:
             with suppress(OSError):
                 path.rmdir()
@@ -107,7 +109,17 @@ class Run:
     def config(self) -> RunConfig:
         """What run.yaml says. Raises `DocumentError`."""
         file = self.path / "run.yaml"
-        return RunConfig.load(read_yaml(file), str(file))
+        config = RunConfig.load(read_yaml(file), str(file))
+        return config.model_copy(update={"skills": [str((self.path / p).resolve()) for p in config.skills]})
+
+    def with_skills(self, folders: Iterable[Path]) -> Run:
+        """This run, `folders` of skills recorded in its run.yaml. Raises `RunError`, `StorageError`."""
+        new = [str(f.resolve()) for f in folders if str(f.resolve()) not in self.config.skills]
+        if not new:
+            return self
+        with self.held():
+            _write(self.path, self.config.model_copy(update={"skills": [*self.config.skills, *new]}))
+        return Run(self.path)
 
     @property
     def argument(self) -> str:
@@ -146,6 +158,11 @@ class Run:
             yield self
         finally:
             os.close(handle)
+
+
+def _write(path: Path, config: RunConfig) -> None:
+    skills = [os.path.relpath(folder, path.resolve()) for folder in config.skills]
+    write_yaml(path / "run.yaml", config.model_copy(update={"skills": skills}).model_dump(by_alias=True))
 
 
 def _number(path: Path) -> int:
