@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from types import SimpleNamespace
 
 import numpy as np
@@ -141,4 +142,9 @@ def test_thinning_keeps_the_middle_of_each_cell():
 @pytest.mark.parametrize("spread", [3.0, 30.0])
 def test_a_stray_point_far_away_costs_no_memory(spread):
     points = np.concatenate([slab((-0.02, 0.02), (-0.02, 0.02), 0.05), [[spread, spread, 0.05]]])
-    assert len(closed_surface(points, 0.0).points) >= len(points)
+    tracemalloc.start()
+    try:
+        assert len(closed_surface(points, 0.0).points) >= len(points)
+        assert tracemalloc.get_traced_memory()[1] < 5e6
+    finally:
+        tracemalloc.stop()

@@ -38,15 +38,22 @@ def tcp(cell, arm):
 
 
 def test_both_arrive_together_and_one_alone_leaves_the_other(cell):
-    began = cell.cell.time
-    cell.call("robot_control.GoToPoseArm", arm_id=1, pose=Se3Pose(Vec3(0.3, 0.2, 0.4), DOWN))
-    alone = cell.cell.time - began
-    other = cell.cell.arms[0].state().joints.positions
-    np.testing.assert_allclose(other, cell.cell.arms[0].spec.home, atol=5e-3)
+    home = JointState(cell.cell.arms[0].spec.home)
     poses = [Se3Pose(Vec3(-0.15, 0.2, 0.35), DOWN), Se3Pose(Vec3(0.1, -0.25, 0.35), DOWN)]
-    began = cell.cell.time
-    cell.call("robot_control.GoToPoseBoth", pose_arm0=poses[0], pose_arm1=poses[1])
-    assert cell.cell.time - began < 2 * alone + 1.0
+
+    def seconds(name, **inputs):
+        cell.call("robot_control.MoveToJointsBoth", joints_arm0=home, joints_arm1=home)
+        began = cell.cell.time
+        cell.call(name, **inputs)
+        return cell.cell.time - began
+
+    alone = []
+    for arm, pose in enumerate(poses):
+        alone.append(seconds("robot_control.GoToPoseArm", arm_id=arm, pose=pose))
+        other = cell.cell.arms[1 - arm].state().joints.positions
+        np.testing.assert_allclose(other, home.positions, atol=5e-3)
+    together = seconds("robot_control.GoToPoseBoth", pose_arm0=poses[0], pose_arm1=poses[1])
+    assert together == pytest.approx(max(alone), rel=0.2)
     for arm, pose in enumerate(poses):
         np.testing.assert_allclose(tcp(cell, arm).array, pose.position.array, atol=5e-3)
 

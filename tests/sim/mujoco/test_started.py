@@ -106,11 +106,12 @@ def test_a_failure_is_raised_by_the_arms_next_command_and_once(failed, command):
     arm.finish()
 
 
-def test_stop_ends_what_was_started_and_forgets_its_failure(failed):
-    world, _ = failed
+def test_stop_ends_what_was_started_and_forgets_its_failure(failed, world, move_to):
     arm = world.arms[0]
     arm.stop()
     arm.finish()
+    assert np.abs(arm.state().joints.velocities).max() < 0.01
+    move_to(world, [-0.3, 0.12, 0.15])
 
 
 def test_stop_brakes_an_arm_under_way_once_time_passes(world):

@@ -1,4 +1,6 @@
 import json
+import subprocess
+import sys
 
 import pytest
 
@@ -60,9 +62,24 @@ def test_every_registered_check_is_asked(monkeypatch, tmp_path):
 
 
 def test_torch_is_recognised_without_being_imported():
-    finding = checks._torch()
-    assert finding.ok and "CPU build" in finding.found
+    code = (
+        "import sys; from gap_cli.commands import checks\n"
+        "found = checks._torch(); print(found.ok, found.found, 'torch' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.startswith("True ") and "CPU build" in done.stdout and done.stdout.endswith(" False\n")
 
 
-def test_a_folder_that_cannot_be_used_is_named(tmp_path):
+def test_a_folder_not_made_yet_is_fine(tmp_path):
     assert checks._disk(tmp_path / "not" / "yet" / "there").ok
+
+
+def test_a_folder_that_cannot_be_used_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(checks.os, "access", lambda path, mode: False)
+    finding = checks._disk(tmp_path / "runs")
+    assert not finding.ok and str(tmp_path) in finding.found and "--root" in finding.hint
+
+
+def test_a_full_disk_is_told_with_what_is_needed(tmp_path, monkeypatch):
+    monkeypatch.setattr(checks, "NEEDED_MB", 10**12)
+    assert not checks._disk(tmp_path).ok and "10" in checks._disk(tmp_path).hint

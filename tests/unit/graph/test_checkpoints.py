@@ -55,15 +55,13 @@ def test_an_expression_has_its_value(text, value):
     ("w.body('a').distance_to()", "takes 1"), ("w.body(name='a').x", "by position"), ("2 ** 9 ** 9", "not allowed"),
     ("w.body('a') + 1", "is a body"), ("w.body(w.time).x", "wants a text"), ("abs(1, 2)", "takes 1"),
     ("w.time.real", "no 'real'"), ("f'{w}'", "not allowed"), ("(w := 1)", "not allowed"),
-    ("w.time and " * 150 + "True", "more than"), ("1" * 3000, "longer"), ("not " * 190 + "w.time > 1", ""),
-    ("(" * 500 + "1" + ")" * 500, ""), ("'a' < 1", ""), ("w.time if w.time else 'x'", ""),
+    ("w.time and " * 150 + "True", "more than"), ("1" * 3000, "longer"), ("not " * 190 + "w.time > 1", "more than"),
+    ("(" * 500 + "1" + ")" * 500, "nested"), ("w.time if w.time else 'x'", "not a truth"),
 ])  # fmt: skip
 def test_what_is_not_one_is_refused_and_never_run(text, says):
-    problems = check_expression(text).problems
-    if says:
-        assert any(says in p.message for p in problems)
-        with pytest.raises(DocumentError):
-            evaluate(text, NOW)
+    assert any(says in p.message for p in check_expression(text).problems)
+    with pytest.raises(DocumentError):
+        evaluate(text, NOW)
 
 
 @pytest.mark.parametrize("text", ["w.body('a').mask_iou() > 0.5", "detection_score > 1", "w.body('a').cloud.size"])

@@ -217,7 +217,7 @@ PARTS = {"spec": topology(), "subgraphs": BUILT}
 
 @settings(max_examples=200, deadline=None)
 @given(st.sampled_from([s for s in spots(PARTS) if len(s) > 1 and "lines" not in s]), JUNK)
-def test_junk_from_a_sandbox_is_refused_in_words(spot, junk):
+def test_junk_from_a_sandbox_ends_in_findings_or_one_error(spot, junk):
     parts = copy.deepcopy(PARTS)
     place = parts
     for key in spot[:-1]:

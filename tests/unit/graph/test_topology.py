@@ -78,7 +78,7 @@ def test_an_edge_to_nowhere_names_the_nearest_node():
         make_topology(["grasp"], [("START", "grsp")], {}, "x")
 
 
-def test_a_long_chain_and_a_wide_join_are_quick_to_resolve():
+def test_a_long_chain_waits_for_nobody_and_a_wide_join_for_all():
     names = [f"n{i}" for i in range(5000)]
     chain = make_topology(names, [("START", "n0"), *itertools.pairwise(names)], {}, "x")
     assert not any(chain.waits_for)

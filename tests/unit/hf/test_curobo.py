@@ -13,8 +13,9 @@ from scipy.spatial.transform import Rotation
 from gap_hf import curobo_search
 from gap_hf.grasps import research_packages as published
 from gap_motion.bench.problems import free_space
+from gap_motion.bench.verify import Judge
 from gap_motion.kinematics.chain import chain
-from gap_motion.planning.free_motion import to_joints
+from gap_motion.planning.free_motion import timed
 from gap_motion.planning.motion_validator import Edges
 from gap_motion.planning.planner import plan
 from gap_robots.panda import panda
@@ -128,8 +129,9 @@ def test_a_timed_motion_comes_of_it(curobo, hard):
     problem, way = hard
     curobo([dense(way)])
     path = plan(problem.checker, problem.start, problem.goals, search=curobo_search.search)
-    assert to_joints(problem.checker, problem.start, problem.goals, 0).trajectory.duration > 0
-    np.testing.assert_allclose(path.waypoints[-1], problem.goals[path.goal])
+    trajectory = timed(problem.checker, path.waypoints)
+    assert trajectory is not None and Judge(PANDA, problem.shapes).judge(trajectory).clean
+    np.testing.assert_allclose(trajectory.positions[[0, -1]], [problem.start, problem.goals[path.goal]], atol=1e-6)
 
 
 def test_a_path_that_is_not_free_for_us_is_not_taken(curobo, hard):

@@ -163,4 +163,5 @@ def test_thresholds_outside_0_to_1(ctx):
 
 
 def test_boxes_come_as_contract_values(kind, ctx):
-    assert all(isinstance(d.box, BoundingBox2D) for d in find(kind, ctx, ["can"], 0.0))
+    found = find(kind, ctx, ["can"], 0.0)
+    assert found and all(isinstance(d.box, BoundingBox2D) for d in found)

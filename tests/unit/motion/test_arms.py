@@ -89,9 +89,11 @@ def test_one_arm_is_not_sent_through_another_that_stands(beside):
 
 def test_where_another_arm_is_going_counts_too(beside):
     arm = beside.arms[1]
+    beside.go(0.05)
     arm.setpoint = lambda: Setpoint(arm.q, arm.q * 0, arm.q * 0, arm.q - np.pi / 2 * np.eye(arm.spec.dof)[0])
-    with pytest.raises(MotionError):
+    with pytest.raises(MotionError) as error:
         beside.go(0.1)
+    assert error.value.detail["why"] == "arms_meet"
 
 
 def test_a_planner_sees_another_arm_where_it_is_and_where_it_is_going(beside):

@@ -175,6 +175,9 @@ def test_directed_lines_hold_the_other_axes(cell, start, tcp):
     base = {"start_joint_position": start, "start_pose": tcp, "target_pose": target}
     down = cell.call("curobo.PlanDirectedLinear", **base, allowed_axes=["z"])
     np.testing.assert_allclose(end(cell, down.trajectory), shifted(tcp, z=-0.2).matrix, atol=1e-3)
+    way = chain(cell.arm.spec).tcp_poses(down.trajectory.positions, cell.arm.base_pose.matrix)
+    np.testing.assert_allclose(way[:, :2, 3], np.tile(tcp.position.array[:2], (len(way), 1)), atol=1e-3)
+    np.testing.assert_allclose(way[:, :3, :3], np.tile(tcp.matrix[:3, :3], (len(way), 1, 1)), atol=1e-2)
     fixed = cell.call(
         "curobo.PlanDirectedLinear", **base, allowed_axes=["z"], endpoint_mode="fixed_distance", distance=0.05
     )
@@ -186,7 +189,8 @@ def test_ends_of_constrained_lines():
     target[:3, :3] = Quaternion(0.9659258, 0, 0, 0.2588190).rotation.as_matrix()
     target[:3, 3] = [0.3, 0.4, 0.0]
     turned = directed_end(start, target, [], "orient_in_place", "hold", 0.0)
-    np.testing.assert_allclose(turned[:3, 3], 0) and np.testing.assert_allclose(turned[:3, :3], target[:3, :3])
+    np.testing.assert_allclose(turned[:3, 3], 0)
+    np.testing.assert_allclose(turned[:3, :3], target[:3, :3])
     moved = directed_end(start, target, ["x", "y"], "fixed_distance", "target", 1.0)
     np.testing.assert_allclose(moved[:3, 3], [0.6, 0.8, 0.0])
     np.testing.assert_allclose(held_end(start, target, [1] * 6), start, atol=1e-9)

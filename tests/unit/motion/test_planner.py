@@ -39,14 +39,14 @@ def test_same_seed_same_path_another_seed_another(spec, hard):
     assert paths[0].shape != paths[2].shape or not np.allclose(paths[0], paths[2])
 
 
-def test_improving_does_not_make_it_longer(spec, hard):
+def test_improving_shortens_the_paths(spec, hard):
     problem = hard(spec)
 
     def length(improve):
-        rows = plan(problem.checker, problem.start, problem.goals, 2, improve).waypoints
-        return np.linalg.norm(np.diff(rows, axis=0), axis=1).sum()
+        paths = (plan(problem.checker, problem.start, problem.goals, seed, improve).waypoints for seed in (3, 4))
+        return sum(np.linalg.norm(np.diff(rows, axis=0), axis=1).sum() for rows in paths)
 
-    assert length(True) <= 1.3 * length(False)
+    assert length(True) < 0.97 * length(False)
 
 
 def test_the_nearest_of_several_goals_is_taken(spec, hard):
@@ -97,7 +97,11 @@ def test_grasps_are_reached_straight_and_touch_only_the_target(spec):
     problem = groceries(spec, 1, grasps=12)[0]
     found = to_grasps(problem.situation, problem.start, problem.grasps, 0.08, [problem.target], 0)
     cell = problem.situation.cell
-    end = cell.tcp(found.trajectory.positions)[-1]
+    way = cell.tcp(found.trajectory.positions)
+    end = way[-1]
+    back = way[:, :3, 3] - end[:3, 3]
+    last = np.flatnonzero(np.linalg.norm(back, axis=1) > 0.06)[-1]  # the straight stretch without its rounded corner
+    assert np.linalg.norm(back[last:] - np.outer(back[last:] @ end[:3, 2], end[:3, 2]), axis=1).max() < 2e-3
     np.testing.assert_allclose(end, cell.base @ problem.grasps[found.pose] @ cell.chain.tcp, atol=1e-3)
     verdict = Judge(spec, problem.shapes).judge(found.trajectory)
     assert all(problem.target in contact for contact in verdict.contacts)
@@ -119,10 +123,11 @@ def test_shortcuts_keep_the_ends_and_shorten(spec, hard):
     problem = hard(spec)
     edges = Edges(problem.checker)
     rows = plan(problem.checker, problem.start, problem.goals, 4).waypoints
-    detour = np.concatenate([rows[:1], (rows[:1] + rows[1:2]) / 2, rows[1:]])
+    detour = np.concatenate([rows[:1], (rows[:1] + rows[1:2]) / 2, rows])
     short = shortcut(edges, detour, 0)
     np.testing.assert_array_equal(short[[0, -1]], rows[[0, -1]])
-    assert len(short) <= len(detour) and edges.path_free(short)
+    lengths = [np.linalg.norm(np.diff(way, axis=0), axis=1).sum() for way in (short, rows, detour)]
+    assert edges.path_free(short) and lengths[0] <= lengths[1] < lengths[2]
 
 
 def test_poses_out_of_reach_are_told_from_poses_in_collision(spec):

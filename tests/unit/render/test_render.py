@@ -93,6 +93,8 @@ def test_mermaid_has_every_node_and_every_link_once():
     for node in ("look", "add", "yes", "no", "track", "done"):
         assert len(re.findall(rf"^    n_main__{node}[\[(]", text, re.M)) == 1
     assert "n_main__add -->|true| n_main__yes" in text and "n_main -->|failed| n_abort" in text
+    links = re.findall(r"^ *(\S+ --.*)$", text, re.M)
+    assert len(links) == len(set(links)) == 8, links
     assert text.count("subgraph ") == text.count("\n  end\n") == 1
 
 

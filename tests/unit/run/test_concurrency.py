@@ -765,6 +765,8 @@ def test_c18_graphs_side_by_side_in_one_process_do_not_know_of_each_other():
     for t in threads:
         t.join()
     assert all(r == results[0] for r in results)
+    counted = [e[4] for e in results[0] if e[1] == "node_finished" and e[2] in ("main/n", "main/o")]
+    assert counted == [1, 2]
 
 
 # C19

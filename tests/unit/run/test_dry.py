@@ -81,6 +81,7 @@ def test_a_dry_run_is_a_function_of_its_seed(tmp_path):
         return [(e.kind, e.path) for e in seen if e.path != "main/track"]
 
     assert paths(3) == paths(3)
+    assert len({str(paths(seed)) for seed in range(8)}) > 1
 
 
 def test_checkpoints_are_not_asked_for_in_a_dry_run(tmp_path):

@@ -49,9 +49,10 @@ def test_a_reader_that_never_reads_ends_at_the_deadline(pipes):
 
 
 def test_an_announced_length_is_refused_before_a_byte_of_it_is_read(pipes):
-    os.write(pipes.child_writes, HEADER.pack(11))
+    os.write(pipes.child_writes, HEADER.pack(11) + b"eleven byte")
     with pytest.raises(FloodError):
         pipes.receive(10)
+    assert os.read(pipes._reading, 99) == b"eleven byte"
 
 
 def test_a_closed_pipe_is_a_hang_up(pipes):

@@ -101,6 +101,8 @@ def test_a_pid_that_is_not_its_child_is_never_signalled(server):
 
 def test_threads_share_a_server(server):
     seen = []
+    with job(server):
+        pid = server._process.pid
 
     def work():
         for _ in range(5):
@@ -112,7 +114,7 @@ def test_threads_share_a_server(server):
         thread.start()
     for thread in threads:
         thread.join()
-    assert len(seen) == 20
+    assert len(seen) == 20 and server._process.pid == pid
 
 
 def test_a_killed_host_leaves_no_server_and_no_child():

@@ -306,15 +306,27 @@ def test_a_folder_s_scripts_and_checkpoints_are_read_and_their_faults_become_fin
     assert validate(workflow, read_catalog(workflow, tmp_path, TOOLS, SKILLS, ["soup"])) == []
 
 
-@pytest.mark.parametrize(
-    "path", ["../secret.py", "/etc/passwd", "scripts/../../x.py", "scripts/a\\b.py", "x.py", "scripts/x.txt"]
-)
+@pytest.mark.parametrize("path", ["../secret.py", "scripts/../../secret.py", "/secret.py", "scripts\\..\\secret.py"])
 def test_a_script_outside_the_folder_is_not_read(tmp_path, path):
+    (tmp_path / "run" / "scripts").mkdir(parents=True)
+    (tmp_path / "secret.py").write_text("def run(ctx) -> None: ...")
+    found, given = judged_with_script(tmp_path / "run", f"{tmp_path}{path}" if path[0] == "/" else path)
+    assert "K3" in found and not any("secret" in name for name in given.scripts)
+
+
+@pytest.mark.parametrize("path", ["x.py", "scripts/x.txt"])
+def test_a_script_is_a_python_file_below_scripts(tmp_path, path):
+    (tmp_path / "scripts").mkdir()
+    (tmp_path / path).write_text("def run(ctx) -> None: ...")
+    assert "K3" in judged_with_script(tmp_path, path)[0]
+
+
+def judged_with_script(folder, path):
     data = plain_workflow()
     data["subgraphs"]["see_sg"]["nodes"]["find"]["script"] = path
     workflow = parse_workflow(data, "x")
-    found = validate(workflow, read_catalog(workflow, tmp_path, TOOLS, SKILLS, checkpoints=False))
-    assert "K3" in {f.code for f in found}
+    given = read_catalog(workflow, folder, TOOLS, SKILLS, checkpoints=False)
+    return {f.code for f in validate(workflow, given)}, given
 
 
 def test_a_link_out_of_the_folder_is_not_followed(tmp_path):
