@@ -50,7 +50,7 @@ def gap_register_authors(register: Register) -> None:
 
 @hookspec
 def gap_register_policies(register: Register) -> None:
-    """register(name, factory): a learned policy served as a tool."""
+    """register(name, factory): factory() -> `contracts.policy.Policy`, a provider of the tool `policy.Act`."""
 
 
 @hookspec

@@ -17,6 +17,7 @@ from typing import Any
 import pluggy
 
 from gap_runtime import hookspecs
+from gap_runtime.contracts.policy import policy_tool
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.tool import Tool
 from gap_runtime.errors import GapError, PluginError, UnknownNameError
@@ -205,6 +206,8 @@ def _register(registry: Registry, plugin: Plugin) -> None:
         for kind in ENTRY_KINDS:
             hook = getattr(manager.hook, f"gap_register_{kind}")
             hook(register=lambda *a, kind=kind: _add_entry(getattr(scratch, kind), kind[:-1], a, plugin.name))
+        for name, policy in scratch.policies.items():
+            _add_tool(scratch, policy_tool(name, policy.value), plugin.name)
         manager.hook.gap_register_skills(register=lambda path: scratch.skill_paths.append((Path(path), plugin.name)))
         manager.hook.gap_register_tasks(register=lambda path: scratch.task_paths.append((Path(path), plugin.name)))
     _merge(registry, scratch, plugin)

@@ -38,6 +38,13 @@ def gap_register_tools(register: Register) -> None:
 
 
 @hookimpl
+def gap_register_policies(register: Register) -> None:
+    from gap_motion.hold import HoldStill
+
+    register("hold", HoldStill)
+
+
+@hookimpl
 def gap_register_benchmarks(register: Register) -> None:
     def motion(progress: Any) -> Any:
         from gap_motion.bench.motion import motion

@@ -12,8 +12,8 @@ from gap_perception.language.phrases import Phrase, read_phrase
 from gap_perception.language.relations import matches
 from gap_perception.language.vocabulary import Vocabulary
 from gap_perception.models.views import Candidate, ImageView, box_of
-from gap_runtime.contracts.container_geometry import body_centre
 from gap_runtime.contracts.task import Shape
+from gap_runtime.contracts.task.container_geometry import body_centre
 from gap_runtime.contracts.tool import ToolContext
 from gap_runtime.contracts.types import Array, Image
 

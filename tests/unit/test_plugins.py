@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import textwrap
+from types import SimpleNamespace
 
 import pytest
 
@@ -111,6 +112,36 @@ def test_a_whole_service_is_chosen_as_far_as_the_provider_serves_it(plugin):
         registry.choose("extra.*", "cloud")
     with pytest.raises(UnknownNameError, match=r"provider of extra\.Triple"):
         registry.choose("extra.Triple", "gpu")
+
+
+POLICY = """
+from gap_runtime.contracts.types import ActionChunk
+from gap_runtime.hookspecs import hookimpl
+
+class Counting:
+    built = 0
+    def __init__(self): Counting.built, self.acts = Counting.built + 1, 0
+    def reset(self): self.acts = 0
+    def act(self, observation, instruction):
+        self.acts += 1
+        return ActionChunk(rate=float(self.acts), done=instruction == "stop")
+
+@hookimpl
+def gap_register_policies(register): register("counting", Counting)
+"""
+
+
+def test_a_policy_is_a_provider_of_one_tool_and_reset_once_an_episode(plugin):
+    registry = load("gap_motion", plugin("learned", POLICY))
+    registry.choose("policy.Act", "counting")
+    tool = registry.tool("policy.Act")
+    assert (tool.plugin, sorted(registry.providers["policy.Act"])) == ("learned", ["counting", "hold"])
+    models = {}
+    shared = lambda key, make: models.setdefault(key, None) or models.update({key: make()}) or models[key]  # noqa: E731
+    episodes = [SimpleNamespace(state={}, shared=shared) for _ in range(2)]
+    seen = [tool(ctx, observation=None, instruction="go").rate for ctx in episodes for _ in range(2)]
+    assert seen == [1, 2, 1, 2]
+    assert len(models) == 1 and type(models["policy:counting"]).built == 1
 
 
 def test_providers_must_agree_on_the_contract(plugin):

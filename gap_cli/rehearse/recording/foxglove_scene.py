@@ -7,8 +7,8 @@ from typing import Any
 
 from foxglove import messages as fg
 
-from gap_runtime.contracts.container_geometry import body_centre, handle_bars
 from gap_runtime.contracts.task import ObjectModel, Shape
+from gap_runtime.contracts.task.container_geometry import body_centre, handle_bars
 
 OPAQUE = 1.0
 AROUND = 32  # sides a round wall is drawn with

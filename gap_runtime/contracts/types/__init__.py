@@ -15,6 +15,7 @@ from gap_runtime.contracts.types.geometry import (
 from gap_runtime.contracts.types.messages import (
     CONTRACT_TYPES,
     SCALAR_TYPES,
+    ActionChunk,
     ArmState,
     CameraObservation,
     DepthImage,
@@ -37,8 +38,8 @@ from gap_runtime.contracts.types.messages import (
 from gap_runtime.contracts.types.value import Array, Value
 
 __all__ = [
-    "BASE", "CAMERA", "CONTRACT_TYPES", "SCALAR_TYPES", "TCP", "WORLD", "ArmState", "Array", "BoundingBox2D",
-    "CameraObservation", "DepthImage", "Detection", "Frame", "Grasp", "GripperState", "Image", "JointState", "Mask",
-    "Matrix3x3", "ObjectMask", "ObjectPose", "Observation", "Obstacle", "OrientedBoundingBox", "PointCloud",
-    "Quaternion", "Se3Pose", "Trajectory", "Value", "Vec3", "WorldConfig", "Wrench",
+    "BASE", "CAMERA", "CONTRACT_TYPES", "SCALAR_TYPES", "TCP", "WORLD", "ActionChunk", "ArmState", "Array",
+    "BoundingBox2D", "CameraObservation", "DepthImage", "Detection", "Frame", "Grasp", "GripperState", "Image",
+    "JointState", "Mask", "Matrix3x3", "ObjectMask", "ObjectPose", "Observation", "Obstacle", "OrientedBoundingBox",
+    "PointCloud", "Quaternion", "Se3Pose", "Trajectory", "Value", "Vec3", "WorldConfig", "Wrench",
 ]  # fmt: skip

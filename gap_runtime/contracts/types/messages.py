@@ -171,6 +171,27 @@ class Observation(Value):
 
 
 @dataclass(frozen=True, eq=False)
+class ActionChunk(Value):
+    """The next targets of one arm, `rate` [Hz] apart, the first one period from now; none where both are left out.
+
+    Either `joints` (T, n) [rad] or T `poses`, T_world_tcp. `gripper` (T,) is the opening, 0 closed to 1 open; without
+    it the gripper is left alone. `done` says that the policy has finished.
+    """
+
+    rate: float
+    joints: Array | None = None
+    poses: Annotated[tuple[Se3Pose, ...], WORLD] = ()
+    gripper: Array | None = None
+    done: bool = False
+
+    def __post_init__(self) -> None:
+        if self.joints is not None:
+            object.__setattr__(self, "joints", frozen(self.joints, np.float64, (None, None), "ActionChunk.joints"))
+        if self.gripper is not None:
+            object.__setattr__(self, "gripper", frozen(self.gripper, np.float64, (None,), "ActionChunk.gripper"))
+
+
+@dataclass(frozen=True, eq=False)
 class Obstacle(Value):
     """A named piece of the collision world: a box, which contains all that is known besides.
 
@@ -229,7 +250,7 @@ CONTRACT_TYPES: dict[str, type] = {
     for c in (
         Vec3, Quaternion, Se3Pose, OrientedBoundingBox, BoundingBox2D, Detection, Image, DepthImage, Mask, PointCloud,
         Matrix3x3, CameraObservation, JointState, Trajectory, GripperState, ArmState, Observation, Obstacle,
-        WorldConfig, Grasp, ObjectMask, ObjectPose, Wrench,
+        WorldConfig, Grasp, ObjectMask, ObjectPose, Wrench, ActionChunk,
     )
 }  # fmt: skip
 SCALAR_TYPES: dict[str, type] = {"float": float, "int": int, "bool": bool, "string": str}

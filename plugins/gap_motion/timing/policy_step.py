@@ -69,10 +69,12 @@ def step(cell: ArmModel, stream: Stream, action: Array) -> Stream:
     target = stream.target.copy()
     target[:3, 3] += TRANSLATION * action[:3]
     target[:3, :3] = Rotation.from_rotvec(ROTATION * action[3:6]).as_matrix() @ target[:3, :3]
-    return Stream(target, _solve(cell, target @ np.linalg.inv(cell.chain.tcp), stream.goal))
+    return Stream(target, solve(cell, target @ np.linalg.inv(cell.chain.tcp), stream.goal))
 
 
-def _solve(cell: ArmModel, last_frame: Array, seed: Array) -> Array:
+def solve(cell: ArmModel, last_frame: Array, seed: Array) -> Array:
+    """The configuration (n,) near `seed` that puts the last frame at T_base_last. Raises `PlanningError`, `MotionError`
+    (`refused`) where it is on another branch."""
     limits = (cell.chain.low, cell.chain.high)
     q = descend(cell.chain, last_frame[None], seed[None], limits, iterations=40)[0]
     if np.isfinite(q).all() and np.abs(q - seed).max() < JUMP:

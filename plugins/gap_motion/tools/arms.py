@@ -11,13 +11,15 @@ from gap_motion.planning import moves
 from gap_motion.planning.multi_arm import move_together, refuse_meeting_others
 from gap_motion.ready import at_rest
 from gap_motion.timing.limits import refuse
-from gap_motion.timing.policy_step import Stream, begin, checked_action, step, to_rest, wants_closed
+from gap_motion.timing.policy_step import Stream, begin, checked_action, solve, step, to_rest, wants_closed
 from gap_motion.timing.timing import PERIOD, point_to_point
 from gap_runtime.contracts.failures import BadRequestError
 from gap_runtime.contracts.tool import ToolContext, tool
-from gap_runtime.contracts.types import WORLD, JointState, Se3Pose, Vec3
+from gap_runtime.contracts.types import WORLD, ActionChunk, Array, JointState, Se3Pose, Vec3
 
 BOTH = ("arm:0", "arm:1", "clock")
+MAX_RATE = 100.0  # Hz: of a chunk's targets, each of which is a motion planned anew
+OPENING = 0.02  # a share of the full opening that is worth a command to the gripper
 
 
 @tool("robot_control.GoToPoseArm", effect="actuate", resources=("arm:{arm_id}", "clock"), deadline_s=60.0)
@@ -108,18 +110,56 @@ def apply_policy_action(ctx: ToolContext, action: list[float], arm_id: int = 0) 
     if not isinstance(stream, Stream) or not stream.goes_on(cell.arm.setpoint()):
         cell.arm.finish()
         stream = begin(cell)
-    stream, now = step(cell, stream, values), cell.arm.setpoint()
-    trajectory = to_rest(cell, now, stream.goal)
-    refuse(cell, trajectory, ctx.task, now.positions, now)
-    refuse_meeting_others(ctx, cell, moves.sampled(trajectory, PERIOD))
-    ctx.raise_if_cancelled()
-    cell.arm.start(trajectory, replace=True)
-    ctx.state[key] = Stream(stream.target, cell.arm.setpoint().goal)
+    stream = step(cell, stream, values)
+    ctx.state[key] = Stream(stream.target, _send_on(ctx, cell, stream.goal))
     closed = wants_closed(values)
     if closed is not None and ctx.state.get(grip) != closed:
         (cell.arm.gripper.close if closed else cell.arm.gripper.open)(wait=False)
         ctx.state[grip] = closed
     ctx.cell.wait(STEP)
+
+
+@tool("robot_control.ExecuteActionChunk", effect="actuate",
+      resources=("arm:{arm_id}", "gripper:{arm_id}", "clock"), deadline_s=60.0)  # fmt: skip
+def execute_action_chunk(ctx: ToolContext, chunk: ActionChunk, arm_id: int = 0) -> None:
+    """Follow the targets of a policy's chunk at its rate, from the motion the arm is in and without stopping between.
+
+    After the last one the arm comes to rest at it, unless the next chunk takes over in time. Refused where
+    ApplyPolicyAction is, before the first target that cannot be followed. Raises `BadRequestError` (`range`, `shape`),
+    `PlanningError`, `MotionError`.
+    """
+    cell = ArmModel.of(ctx, arm_id)
+    if not positive(chunk.rate, "chunk.rate") <= MAX_RATE:
+        raise BadRequestError("range", f"chunk.rate is {chunk.rate:g} Hz, more than {MAX_RATE:g} Hz.")
+    count = len(chunk.poses) if chunk.joints is None else len(chunk.joints)
+    if chunk.joints is not None and chunk.poses:
+        raise BadRequestError("shape", "The chunk holds joints and poses; one of them can be followed.")
+    opening = None if chunk.gripper is None else chunk.gripper
+    if opening is not None and (opening.shape != (count,) or not ((opening >= 0) & (opening <= 1)).all()):
+        raise BadRequestError("range", f"chunk.gripper must hold {count} openings between 0 (closed) and 1 (open).")
+    key = f"policy_opening:{arm_id}"
+    for i in range(count):
+        seed = cell.arm.setpoint().goal
+        if chunk.joints is not None:
+            goal = joints_of(JointState(chunk.joints[i]), cell.spec, f"chunk.joints[{i}]")
+        else:
+            goal = solve(cell, cell.last_frame(pose_matrix(chunk.poses[i], f"chunk.poses[{i}]"), None), seed)
+        _send_on(ctx, cell, goal)
+        if opening is not None and abs(opening[i] - ctx.state.get(key, np.inf)) > OPENING:
+            cell.arm.gripper.set_width(float(opening[i]) * cell.spec.gripper.max_width, wait=False)
+            ctx.state[key] = float(opening[i])
+        ctx.cell.wait(1.0 / chunk.rate)
+
+
+def _send_on(ctx: ToolContext, cell: ArmModel, goal: Array) -> Array:
+    """Send the arm on to `goal` (n,) from the motion it is in; returns where that motion ends."""
+    now = cell.arm.setpoint()
+    trajectory = to_rest(cell, now, goal)
+    refuse(cell, trajectory, ctx.task, now.positions, now)
+    refuse_meeting_others(ctx, cell, moves.sampled(trajectory, PERIOD))
+    ctx.raise_if_cancelled()
+    cell.arm.start(trajectory, replace=True)
+    return cell.arm.setpoint().goal
 
 
 def _approach(distance: float) -> float:
@@ -128,4 +168,4 @@ def _approach(distance: float) -> float:
     return distance
 
 
-TOOLS = (go_to_pose_arm, go_to_pose_both, move_to_joints_both, apply_policy_action)
+TOOLS = (go_to_pose_arm, go_to_pose_both, move_to_joints_both, apply_policy_action, execute_action_chunk)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gap_mujoco.model.primitives import CollisionPrimitive
-from gap_runtime.contracts.container_geometry import body_centre, handle_bars
 from gap_runtime.contracts.task import Shape
+from gap_runtime.contracts.task.container_geometry import body_centre, handle_bars
 from gap_runtime.contracts.types import Array
 
 WALL_SEGMENTS = 24  # boxes a round wall is made of; their corners stick out of the circle by less than 1 %

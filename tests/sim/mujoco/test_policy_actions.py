@@ -9,6 +9,7 @@ import pytest
 
 from gap_motion.arguments import STEP
 from gap_runtime.contracts.failures import MotionError
+from gap_runtime.contracts.types import ActionChunk
 from gap_runtime.plugins import load_registry
 
 pytestmark = pytest.mark.sim
@@ -28,6 +29,7 @@ def cell(request, cell_of):
     yield SimpleNamespace(
         cell=world, arm=world.arms[0], seen=seen,
         act=lambda *action: REGISTRY.tool("robot_control.ApplyPolicyAction")(context, action=list(action)),
+        follow=lambda chunk: REGISTRY.tool("robot_control.ExecuteActionChunk")(context, chunk=chunk),
     )  # fmt: skip
     world._physics.observers.clear()
 
@@ -48,6 +50,19 @@ def test_small_actions_flow_and_add_up(cell):
     )
     turned = (after.ee_pose.rotation.rotation * before.rotation.rotation.inv()).as_rotvec()
     np.testing.assert_allclose(turned, [0, 0, count * 0.5 * 0.02], atol=2e-3)
+
+
+def test_chunks_are_followed_without_a_stop_between(cell):
+    home = np.array(cell.arm.state().joints.positions)
+    targets = home + np.linspace(0.01, 0.2, 20)[:, None]
+    for part in (targets[:10], targets[10:]):
+        cell.follow(ActionChunk(20.0, joints=part))
+    assert cell.cell.time == pytest.approx(len(targets) / 20.0)
+    speeds = np.linalg.norm([v for _, v in cell.seen], axis=1)
+    moving = speeds[len(speeds) // 5 :]
+    assert moving.min() > 0.5 * moving.max()
+    cell.arm.finish()
+    np.testing.assert_allclose(cell.arm.state().joints.positions, targets[-1], atol=5e-3)
 
 
 def test_the_largest_actions_stay_inside_every_limit(cell):

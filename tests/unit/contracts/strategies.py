@@ -41,6 +41,8 @@ ARRAYS = {
     "JointState.positions": arrays("f8", None),
     "JointState.velocities": arrays("f8", None),
     "JointState.efforts": arrays("f8", None),
+    "ActionChunk.joints": arrays("f8", None, None),
+    "ActionChunk.gripper": arrays("f8", None),
     "Obstacle.points": arrays("f8", None, 3),
     "Obstacle.triangles": arrays("i8", None, 3),
 }

@@ -9,10 +9,12 @@ from gap_motion.planning.planning_scene import Situation
 from gap_motion.timing.timing import Limits, point_to_point
 from gap_runtime.contracts.arm import Setpoint
 from gap_runtime.contracts.failures import BadRequestError, MotionError, PlanningError
-from gap_runtime.contracts.types import JointState, Quaternion, Se3Pose, Vec3
+from gap_runtime.contracts.types import ActionChunk, JointState, Quaternion, Se3Pose, Vec3
 from tests.unit.motion.conftest import IdealArm
 
 OPPOSITE = Se3Pose(Vec3(0.9, 0.1, 0.0), Quaternion(0.2955202066613396, 0.0, 0.0, -0.9553364891256060))
+
+NEAR = Se3Pose(Vec3(0.0, 0.0, 0.4), Quaternion(0.0, 1.0, 0.0, 0.0))
 
 
 @pytest.fixture
@@ -158,6 +160,40 @@ def test_the_jaws_move_only_when_the_policy_changes_its_mind(cell, monkeypatch):
 def test_actions_outside_the_contract_are_refused(cell, code, action):
     with pytest.raises(BadRequestError) as error:
         cell.call("robot_control.ApplyPolicyAction", action=action)
+    assert error.value.code == code and cell.arm.executed == []
+
+
+@pytest.mark.parametrize("form", ["joints", "poses"])
+def test_a_chunk_is_followed_to_its_last_target(cell, form):
+    goal = np.array(cell.arm.spec.home) + 0.02 * np.arange(1, 5)[:, None]
+    here = ArmModel(cell.arm)
+    poses = tuple(Se3Pose.of(T) for T in here.chain.tcp_poses(goal, cell.arm.base_pose.matrix))
+    given = {"joints": goal} if form == "joints" else {"poses": poses}
+    cell.call("robot_control.ExecuteActionChunk", chunk=ActionChunk(20.0, gripper=np.array([1, 1, 0.5, 0.5]), **given))
+    assert len(cell.arm.executed) == len(goal)
+    assert cell.arm.gripper.width == pytest.approx(cell.arm.spec.gripper.max_width / 2)
+    reached = here.chain.tcp_poses(cell.arm.q, cell.arm.base_pose.matrix)[0]
+    np.testing.assert_allclose(reached, poses[-1].matrix, atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("code", "change"),
+    [
+        ("range", {"rate": 0.0}),
+        ("range", {"rate": 1e6}),
+        ("range", {"gripper": np.array([0.5])}),
+        ("range", {"gripper": np.array([0.5, 1.5])}),
+        ("shape", {"poses": (NEAR,)}),
+        ("joint_count", {"joints": np.zeros((2, 3))}),
+        ("limits", {"joints": np.full((2, 7), 9.0)}),
+    ],
+)
+def test_a_chunk_outside_the_contract_is_refused(cell, spec, code, change):
+    home = np.tile(spec.home, (2, 1))
+    joints = change.get("joints", home)
+    given = {"rate": 10.0, **change, "joints": joints[:, : spec.dof] if joints.shape[1] == 7 else joints}
+    with pytest.raises(BadRequestError) as error:
+        cell.call("robot_control.ExecuteActionChunk", chunk=ActionChunk(**given))
     assert error.value.code == code and cell.arm.executed == []
 
 
