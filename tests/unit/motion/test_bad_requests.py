@@ -11,6 +11,7 @@ import pytest
 from gap_runtime.contracts.encoding.codec import from_plain, to_plain
 from gap_runtime.contracts.failures import BadRequestError, ToolError
 from gap_runtime.contracts.types import (
+    ActionChunk,
     JointState,
     Obstacle,
     OrientedBoundingBox,
@@ -74,6 +75,7 @@ class Good:
         still = np.repeat(arms[0].q[None], 3, axis=0)
         self.trajectory = Trajectory(np.array([0.0, 0.1, 0.2]), still, np.zeros_like(still))
         self.down = Se3Pose(Vec3(*(self.here.position.array - [0, 0, 0.06])), self.here.rotation)
+        self.chunk = ActionChunk(20.0, joints=still)
         self.far_box = obstacle("thing", Se3Pose(Vec3(0.6, 0.6, -1.0), LEVEL), 0.02)
 
     def value(self, parameter):
@@ -85,7 +87,7 @@ class Good:
         return {
             "Se3Pose": self.down, "Se3Pose[]": [self.down], "JointState": self.joints, "Trajectory": self.trajectory,
             "WorldConfig": WorldConfig((self.far_box,)), "float[]": [0.0] * 7, "string[]": ["z"], "string": "thing",
-            "int": 0,
+            "int": 0, "ActionChunk": self.chunk,
         }[kind]  # fmt: skip
 
 
