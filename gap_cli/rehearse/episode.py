@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gap_cli.rehearse.episode_monitor import Watch
-from gap_cli.rehearse.judge import Verdict, judge
+from gap_cli.rehearse.judge import SequenceMonitor, Verdict, judge
 from gap_cli.rehearse.prepare import Prepared
 from gap_cli.rehearse.rows import SCHEMA, void_episode
 from gap_runtime.contracts.encoding.codec import to_plain
@@ -44,13 +44,16 @@ def run_episode(
     began, reset_s = simulator.time, time.perf_counter() - start
     on_reset()
     watch = Watch(simulator, prepared.graph, prepared.bundle.checkpoints, prepared.conditions.objects)
+    sequence = SequenceMonitor(simulator, prepared.inventory.task.sequence)
     try:
         result = run_graph(prepared.graph, setup, [watch, *observers])
         motion = simulator.time - began
-        verdict = judge(simulator, prepared.conditions)
+        verdict = judge(simulator, prepared.conditions, sequence)
         diverged = _divergence(result)
     except SimulationDivergedError as error:
         diverged = error
+    finally:
+        sequence.stop()
     if diverged is not None:
         return _lost(seed, "diverged", diverged), False
     row = episode_row(instance, result, watch, verdict, motion)

@@ -6,14 +6,16 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from gap_runtime.contracts.cell import CellFrame
 from gap_runtime.contracts.failures import DocumentError
 from gap_runtime.contracts.simulator import Simulator
 from gap_runtime.contracts.snapshot import WorldSnapshot
-from gap_runtime.contracts.task import Task
+from gap_runtime.contracts.task import SequenceStep, Task
 from gap_runtime.graph.checkpoints import evaluate
 
 SETTLE_LIMIT_S = 3.0  # of world time: what rolls longer than this after release has not been placed
 SETTLE_STEP_S = 0.1
+SEQUENCE_HZ = 20.0  # how often a task's sequence is looked at
 STILL_STEPS = 2  # a swinging body stands still for an instant; two looks in a row are rest
 _SLOT = re.compile(r"\{([a-z_][a-z0-9_]*)\}")
 
@@ -24,6 +26,31 @@ class Conditions:
 
     expressions: Mapping[str, str]
     objects: tuple[str, ...]
+
+
+class SequenceMonitor:
+    """Watches a task's `sequence` while an episode runs: how far it got, in order. Privileged; changes nothing."""
+
+    def __init__(self, simulator: Simulator, steps: Sequence[SequenceStep]) -> None:
+        self._steps, self._reached = steps, 0
+        self._since: float | None = None
+        self.stop = simulator.subscribe(self._look, SEQUENCE_HZ) if steps else lambda: None
+
+    @property
+    def conditions(self) -> dict[str, bool]:
+        """By step, whether it was reached."""
+        return {f"sequence.{step.name}": i < self._reached for i, step in enumerate(self._steps)}
+
+    def _look(self, frame: CellFrame) -> None:
+        if self._reached == len(self._steps) or frame.snapshot is None:
+            return
+        step = self._steps[self._reached]
+        if not evaluate(step.when, frame.snapshot):
+            self._since = None
+            return
+        self._since = frame.time if self._since is None else self._since
+        if frame.time - self._since >= step.hold:
+            self._reached, self._since = self._reached + 1, None
 
 
 @dataclass(frozen=True)
@@ -64,12 +91,12 @@ def settle(simulator: Simulator, objects: Sequence[str]) -> bool:
     return _resting(simulator.snapshot(), objects)
 
 
-def judge(simulator: Simulator, conditions: Conditions) -> Verdict:
-    """Wait for rest, then read every condition off the ground truth."""
+def judge(simulator: Simulator, conditions: Conditions, sequence: SequenceMonitor | None = None) -> Verdict:
+    """Wait for rest, then read every condition off the ground truth, those of the task's sequence included."""
     at_rest = settle(simulator, conditions.objects)
     snapshot = simulator.snapshot()
     values = {name: bool(evaluate(text, snapshot)) for name, text in conditions.expressions.items()}
-    return Verdict(values, at_rest)
+    return Verdict({**values, **(sequence.conditions if sequence else {})}, at_rest)
 
 
 def _resting(snapshot: WorldSnapshot, objects: Sequence[str]) -> bool:

@@ -6,12 +6,23 @@ They call no tools: which tools a script may use is read from its own text.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from gap_runtime.contracts.failures import PlanningError
 from gap_runtime.contracts.robot import RobotSpec
-from gap_runtime.contracts.types import Array, BoundingBox2D, OrientedBoundingBox, Se3Pose, WorldConfig
+from gap_runtime.contracts.types import (
+    Array,
+    BoundingBox2D,
+    OrientedBoundingBox,
+    Quaternion,
+    Se3Pose,
+    Vec3,
+    WorldConfig,
+)
 
 COMPARED = 400  # points per cloud; enough to tell clouds millimetres apart, few enough for all pairs
 MOST_CELLS = 2.0**62  # that integers can number
@@ -75,6 +86,36 @@ def hover_height(spec: RobotSpec, start: Se3Pose, obb: OrientedBoundingBox, poin
     beside = points[aside < spec.gripper.max_width / 2 + 2 * max(spec.gripper.finger_size), 2]
     top = max([obb.center.z + obb.extent.z, *beside.tolist()])
     return float(min(top + spec.gripper.finger_size[2] + pass_over, start.position.z))
+
+
+def in_reach(solve_ik: Callable[[Se3Pose], Any], T_world_tcp: Se3Pose) -> bool:
+    """True when inverse kinematics, which the script calls itself, finds a solution."""
+    try:
+        return bool(solve_ik(T_world_tcp).success)
+    except PlanningError:
+        return False
+
+
+def held_corners(obb: OrientedBoundingBox, T_world_tcp: Se3Pose) -> Array:
+    """Corners of a held object in the TCP frame, shape (8, 3) [m], from its box and the hand's pose at the grasp."""
+    return np.asarray(T_world_tcp.rotation.rotation.inv().apply(obb.corners - T_world_tcp.position.array))
+
+
+def tcp_pose(xy: Array, z: float, rotation: Rotation) -> Se3Pose:
+    """T_world_tcp from its parts [m]."""
+    return Se3Pose(Vec3(float(xy[0]), float(xy[1]), z), Quaternion.of(rotation))
+
+
+def tcp_down(xy: Array, z: float, yaw: float) -> Se3Pose:
+    """T_world_tcp looking straight down, its x axis at `yaw` [rad] about the vertical; the jaws close across it."""
+    return tcp_pose(xy, z, Rotation.from_euler("z", yaw) * Rotation.from_euler("x", np.pi))
+
+
+def long_axis_yaw(obb: OrientedBoundingBox) -> float:
+    """Angle about the vertical of an upright box's longer horizontal side [rad]."""
+    axes = obb.orientation.rotation.as_matrix()
+    long = axes[:, int(np.argmax(obb.extent.array[:2]))]
+    return float(np.arctan2(long[1], long[0]))
 
 
 def beside_way(points: Array, a: Array, b: Array) -> Array:

@@ -24,7 +24,8 @@ CONTAINED_MARGIN = 0.01  # m: how far below a cavity's floor a body's origin may
 class BodyState:
     """One object. `box` is its bounding box now; `cavity` the free space inside a container, both in the world frame.
 
-    `parts` are the named places of an articulated object. `contacts` names what it touches: object ids (`stove:knob`
+    `parts` are the named parts of its model, `outline` the corners (N, 2) [m] of the
+    convex area it covers seen from above. `contacts` names what it touches: object ids (`stove:knob`
     for a link), supports, or `robot:<arm>:<link>`; fingers are `robot:<arm>:left_finger`, `robot:<arm>:right_finger`.
     """
 
@@ -36,6 +37,7 @@ class BodyState:
     contacts: frozenset[str]
     cavity: Annotated[OrientedBoundingBox, WORLD] | None = None
     parts: Mapping[str, Annotated[OrientedBoundingBox, WORLD]] = field(default_factory=dict)
+    outline: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -163,6 +165,23 @@ class BodyView:
     def is_on(self, other: BodyView) -> bool:
         """It touches `other` and its origin is above the other's."""
         return self.touches(other._state.name) and self.z > other.z
+
+    def coverage(self, other: BodyView, part: str) -> float:
+        """Share (0 to 1) of a part of `other`, the disc in its box seen from above, that lies under this body."""
+        box, corners = other._state.parts.get(part), self._state.outline
+        if box is None:
+            raise UnknownNameError(f"part of {other._state.name}", part, other._state.parts)
+        if corners is None:
+            return 0.0
+        grid = np.stack(np.meshgrid(*[np.linspace(-1, 1, 41)] * 2), axis=-1).reshape(-1, 2)
+        disc = grid[np.hypot(*grid.T) <= 1] * box.extent.array[:2]
+        points = (
+            box.center.array + np.column_stack([disc, np.zeros(len(disc))]) @ box.orientation.rotation.as_matrix().T
+        )
+        edges = np.roll(corners, -1, axis=0) - corners
+        offset = points[:, None, :2] - corners
+        inside = edges[:, 0] * offset[..., 1] - edges[:, 1] * offset[..., 0] >= 0
+        return float(inside.all(axis=1).mean())
 
     def is_above(self, other: BodyView) -> bool:
         """Its origin is over the other's footprint and its bottom is not below the other's origin."""

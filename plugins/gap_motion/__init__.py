@@ -11,6 +11,7 @@ from gap_runtime.hookspecs import Register, hookimpl
 def gap_register_tools(register: Register) -> None:
     from gap_motion.tools import arms as tools_arms
     from gap_motion.tools import check as tools_check
+    from gap_motion.tools import clock as tools_clock
     from gap_motion.tools import control as tools_control
     from gap_motion.tools import gripper as tools_gripper
     from gap_motion.tools import lines as tools_lines
@@ -29,6 +30,7 @@ def gap_register_tools(register: Register) -> None:
         tools_plan,
         tools_lines,
         tools_check,
+        tools_clock,
     ]
     if vamp_arm.installed():
         modules.append(vamp_tools)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gap_mujoco.control.joint_controller import Drive
+from gap_mujoco.model.footprint import outline
 from gap_mujoco.model.props import cavity
 from gap_mujoco.model.scene import Scene
 from gap_mujoco.physics import Physics
@@ -26,6 +26,7 @@ class Truth:
         self._physics, self._drives = physics, drives
         self._models: Mapping[str, ObjectModel] = {name: task.objects[name] for name in scene.objects}
         self._bodies = {name: physics.model.body(f"{name}/").id for name in scene.objects}
+        self._outlines = {name: outline(model.shape) for name, model in self._models.items()}
         self._owners = _owners(physics.model, scene)
         self._joints = {name: _joint_address(physics.model, name) for name in task.joints}
         self._labels = {name: model.label for name, model in self._models.items()}
@@ -58,20 +59,14 @@ class Truth:
         velocity = np.zeros(6) if self._models[name].fixed else data.qvel[self._dof(body)]
         linear, angular = (float(np.linalg.norm(v)) for v in (velocity[:3], velocity[3:]))
         pose = Se3Pose(Vec3.of(position), orientation)
+        parts = {
+            part: OrientedBoundingBox(Vec3.of(position + R @ p.center), Vec3.of(np.array(p.size) / 2), orientation)
+            for part, p in self._models[name].parts.items()
+        }
+        flat = self._outlines[name]
+        covers = (position + np.column_stack([flat, np.zeros(len(flat))]) @ R.T)[:, :2]
         contacts = {c for c in contacts if c.partition(":")[0] != name}
-        return BodyState(name, pose, box, linear, angular, frozenset(contacts), hollow, self._sites(name))
-
-    def _sites(self, name: str) -> dict[str, OrientedBoundingBox]:
-        """The named places of an articulated object, by site."""
-        model, data, found = self._physics.model, self._physics.data, {}
-        for site in range(model.nsite):
-            owner, _, place = str(model.site(site).name).partition("/")
-            if owner == name:
-                turn = Quaternion.of(Rotation.from_matrix(data.site_xmat[site].reshape(3, 3)))
-                found[place] = OrientedBoundingBox(
-                    Vec3.of(data.site_xpos[site].copy()), Vec3.of(_half_size(model, site)), turn
-                )
-        return found
+        return BodyState(name, pose, box, linear, angular, frozenset(contacts), hollow, parts, covers)
 
     def _dof(self, body: int) -> slice:
         first = int(self._physics.model.body_dofadr[body])
@@ -110,14 +105,6 @@ def _body_name(model: Any, scene: Scene, body: int) -> str:
         if joint in fingers:
             link = ("left_finger", "right_finger")[fingers.index(joint)]
     return f"robot:{arm}:{link}"
-
-
-def _half_size(model: Any, site: int) -> Array:
-    """Half-extents [m] of a box or cylinder; of a sphere, its radius along each axis."""
-    kind, size = model.site_type[site], model.site_size[site]
-    if kind == mujoco.mjtGeom.mjGEOM_BOX:
-        return np.array(size)
-    return np.array([size[0], size[0], size[1] if kind == mujoco.mjtGeom.mjGEOM_CYLINDER else size[0]])
 
 
 def _joint_address(model: Any, name: str) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
 import numpy as np
 
@@ -12,13 +13,14 @@ from gap_perception.language.phrases import Phrase, read_phrase
 from gap_perception.language.relations import matches
 from gap_perception.language.vocabulary import Vocabulary
 from gap_perception.models.views import Candidate, ImageView, box_of
-from gap_runtime.contracts.task import Shape
+from gap_runtime.contracts.task import ObjectModel, Shape
 from gap_runtime.contracts.task.container_geometry import body_centre
 from gap_runtime.contracts.tool import ToolContext
 from gap_runtime.contracts.types import Array, Image
 
 RIM = 0.012  # m below the top that counts as the rim: what pads of a gripper hold it by
 MIN_PIXELS = 12  # fewer of a part say nothing about where it is
+PART_MARGIN = 0.002  # m around a declared part: a grid cell of what is seen
 _ARTICLE = r"(?:the |a |an )?"
 
 
@@ -27,7 +29,7 @@ def named_parts(
 ) -> list[tuple[float, Candidate]]:
     """What `text` names as a part of something, best first, as far as the image shows it: "handle of the frying pan",
     "the pan's handle", "mug rim", or "rim" of anything that has one. Scores are those of the whole objects."""
-    asked = read_part(text, view.vocabulary)
+    asked = read_part(text, view.vocabulary, ctx.task.objects)
     source = find(ctx.state, image)
     if asked is None or source is None or not view.has_depth:
         return []
@@ -40,10 +42,20 @@ def named_parts(
     return [(score, candidate) for score, candidate in shown if candidate is not None]
 
 
-def read_part(text: str, vocabulary: Vocabulary) -> tuple[str, Phrase | None] | None:
-    """The part a text names, and the phrase for what it belongs to, None for anything; None for no part."""
+def read_part(
+    text: str, vocabulary: Vocabulary, objects: Mapping[str, ObjectModel] = MappingProxyType({})
+) -> tuple[str, Phrase | None] | None:
+    """The part a text names, and the phrase for what it belongs to, None for anything; None for no part.
+
+    Handles and rims have names of their own; other parts are those that the `objects` declare.
+    """
     clean = " ".join(re.sub(r"[^a-z0-9' ]", " ", text.lower().replace("-", " ")).split())
-    for part, words in _WORDS.items():
+    declared = {
+        name: "|".join(re.escape(word.lower().replace("_", " ")) for word in (name, *part.words))
+        for model in objects.values()
+        for name, part in model.parts.items()
+    }
+    for part, words in {**declared, **_WORDS}.items():
         if re.fullmatch(rf"{_ARTICLE}(?:{words})", clean):
             return part, None
         for pattern in (rf"{_ARTICLE}(?:{words}) (?:of|on) (?P<whole>.+)", rf"(?P<whole>.+?)(?:'s?)? (?:{words})"):
@@ -59,7 +71,7 @@ def _shown(ctx: ToolContext, source: Found, whole: Candidate, part: str) -> Cand
     from gap_perception.scene.analyse import analyse
 
     match = analyse(ctx, source.scene).instances[whole.instance].match
-    inside = INSIDE[part](match.fit.appearance.model.shape) if match else None
+    inside = part_points(match.fit.appearance.model, part) if match else None
     if match is None or inside is None:
         return None
     rows, columns, points = _pixels(ctx, source, whole)
@@ -85,6 +97,14 @@ def _pixels(ctx: ToolContext, source: Found, candidate: Candidate) -> tuple[Arra
 
 
 Inside = Callable[[Array], Array]  # which of the points (N, 3) [m] in the object's frame belong to the part
+
+
+def part_points(model: ObjectModel, part: str) -> Inside | None:
+    """Which points of an object belong to its part; None where its model has no such part."""
+    if part not in model.parts:
+        return INSIDE[part](model.shape) if part in INSIDE else None
+    centre, half = np.array(model.parts[part].center), np.array(model.parts[part].size) / 2
+    return lambda p: (np.abs(p - centre) <= half + PART_MARGIN).all(axis=1)
 
 
 def _handle(shape: Shape) -> Inside | None:

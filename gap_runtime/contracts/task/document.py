@@ -23,6 +23,14 @@ class Reward(Document):
     throughput_weight: float = 1.0
 
 
+class SequenceStep(Document):
+    """J: something that must have been true, for `hold` [s] without a break, after the steps before it."""
+
+    name: str
+    when: str
+    hold: float = Field(default=0.0, ge=0)
+
+
 class Task(Document):
     """One task, with its variant applied. `path` is the directory it was read from."""
 
@@ -39,6 +47,7 @@ class Task(Document):
     belief: Belief
     scenes: dict[str, dict[str, str]]
     success: dict[str, str]
+    sequence: list[SequenceStep] = []
     reward: Reward = Reward()
     max_time: Positive = 120.0
     variant: str = ""

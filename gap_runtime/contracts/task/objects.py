@@ -65,12 +65,20 @@ class Shape(Document):
         return self
 
 
+class Part(Document):
+    """A named part of an object: the upright box that holds it, by its centre and size [m] in the object's frame."""
+
+    center: Triple
+    size: tuple[Positive, Positive, Positive]
+    words: list[str] = []
+
+
 class ObjectModel(Document):
     """O: one kind of object. The id (its key in the task) is its name everywhere; `words` are other names for it.
 
     `looks` is read by the simulator's builder and by providers that render the model: colours, label text, cap, ...
     A mesh may be given a `density` [kg/m^3] instead of its mass. A `fixed` object is bolted down where its instance
-    puts it; an articulated one always is.
+    puts it; an articulated one always is. `parts` are places on it that a graph may ask for by name, such as a knob.
     """
 
     label: str
@@ -83,6 +91,7 @@ class ObjectModel(Document):
     friction: Positive = 0.9
     looks: dict[str, Any] = {}
     accepts: list[str] = []
+    parts: dict[str, Part] = {}
 
     @model_validator(mode="before")
     @classmethod

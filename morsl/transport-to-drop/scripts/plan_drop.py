@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gap_runtime.contracts.failures import PlanningError
 from gap_runtime.contracts.robot import RobotSpec
-from gap_runtime.contracts.scripting import beside_way, points_around
+from gap_runtime.contracts.scripting import beside_way, held_corners, in_reach, points_around, tcp_pose
 from gap_runtime.contracts.tool import ScriptContext
-from gap_runtime.contracts.types import WORLD, OrientedBoundingBox, Quaternion, Se3Pose, Vec3, WorldConfig
+from gap_runtime.contracts.types import WORLD, OrientedBoundingBox, Se3Pose, WorldConfig
 
 SPOTS = 5  # places tried along each side of the container
 CORNERS = ((1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0))  # in the container's axes
@@ -56,6 +56,10 @@ def run(
     above_content: float = 0.01,
 ) -> DropPlan:
     """Plan the drop. Raises `PlanningError` (`does_not_fit`, `unreachable`)."""
+
+    def solve_ik(pose: Se3Pose) -> Any:
+        return ctx.tool("pyroki.SolveIK", target_pose=pose)
+
     spec = ctx.robot()
     held = held_corners(target_obb, ee_pose_at_grasp)
     seen = beside_hand(points_around(world), ee_pose_at_grasp, spec)
@@ -77,30 +81,17 @@ def run(
         carry_z = max(drop.z - float(middle[2]), over + clearance + max(hang, low))
         rim = float(container_obb.corners[:, 2].max()) + low + rim_clearance
         release_z = min(carry_z, max(rim, spot.height + above_content + hang))
-        carry, release = pose(xy, carry_z, turned), pose(xy, release_z, turned)
+        carry, release = tcp_pose(xy, carry_z, turned), tcp_pose(xy, release_z, turned)
         start = ee_pose_at_grasp
-        lift = pose(start.position.array[:2], max(carry_z, start.position.z), start.rotation.rotation)
-        if all(in_reach(ctx, p) for p in (lift, carry, release)):
+        lift = tcp_pose(start.position.array[:2], max(carry_z, start.position.z), start.rotation.rotation)
+        if all(in_reach(solve_ik, p) for p in (lift, carry, release)):
             between = max(0.0, float(corners[:, 2].max()) + low)  # how much of the object the fingertips reach past
-            rise = pose(xy, min(carry_z, release_z + between + clearance), turned)
+            rise = tcp_pose(xy, min(carry_z, release_z + between + clearance), turned)
             return DropPlan(
                 lift, carry, release, rise, "collision_aware" if mode == "collision_aware" else "free_space"
             )
     at = container_obb.center
     raise PlanningError("unreachable", f"No pose over the container at ({at.x:.2f}, {at.y:.2f}) m is in reach.")
-
-
-def in_reach(ctx: ScriptContext, T_world_tcp: Se3Pose) -> bool:
-    """True when inverse kinematics finds a solution."""
-    try:
-        return bool(ctx.tool("pyroki.SolveIK", target_pose=T_world_tcp).success)
-    except PlanningError:
-        return False
-
-
-def held_corners(obb: OrientedBoundingBox, T_world_tcp: Se3Pose) -> np.ndarray:
-    """Corners of the held object in the TCP frame, shape (8, 3) [m]: the grasp keeps them there."""
-    return T_world_tcp.rotation.rotation.inv().apply(obb.corners - T_world_tcp.position.array)
 
 
 def orientations(
@@ -180,8 +171,3 @@ def yaw(obb: OrientedBoundingBox) -> float:
     """Angle of the box's first axis about the vertical [rad]."""
     x = axes(obb)[:, 0]
     return float(np.arctan2(x[1], x[0]))
-
-
-def pose(xy: np.ndarray, z: float, rotation: Rotation) -> Se3Pose:
-    """T_world_tcp from its parts."""
-    return Se3Pose(Vec3(float(xy[0]), float(xy[1]), z), Quaternion.of(rotation))

@@ -8,7 +8,10 @@ import numpy as np
 
 from gap_mujoco.model.files import silhouette
 from gap_runtime.contracts.task import Shape
+from gap_runtime.contracts.task.container_geometry import body_centre
 from gap_runtime.contracts.types import Array
+
+AROUND = 48  # corners of a round outline
 
 
 class Footprint(NamedTuple):
@@ -31,6 +34,15 @@ def footprint(shape: Shape, xy: Array, yaw: float) -> Footprint:
 def _turned(corners: Array, xy: Array, yaw: float) -> Array:
     c, s = np.cos(yaw), np.sin(yaw)
     return np.asarray(corners @ np.array([[c, s], [-s, c]]) + xy)
+
+
+def outline(shape: Shape) -> Array:
+    """Corners (N, 2) [m], in order, of what of a standing shape covers a surface, in its frame: of a pan, its body."""
+    if shape.kind in ("cylinder", "pan", "mug"):
+        angles = np.linspace(0, 2 * np.pi, AROUND, endpoint=False)
+        middle = body_centre(shape) if shape.handle else 0.0
+        return np.column_stack([np.cos(angles), np.sin(angles)]) * shape.size[1] / 2 + [middle, 0.0]
+    return footprint(shape, np.zeros(2), 0.0).corners
 
 
 def clearance(a: Footprint, b: Footprint) -> float:

@@ -35,7 +35,10 @@ objects:
     density: 800
     accepts: ["*"]
   ball: {label: ball, shape: {kind: mesh, file: ball.obj, rotate: [90, 0, 0]}, mass: 0.05}
-  cupboard: {label: cupboard, shape: {kind: articulated, file: cupboard.xml, size: [0.2, 0.3, 0.3]}}
+  cupboard:
+    label: cupboard
+    shape: {kind: articulated, file: cupboard.xml, size: [0.2, 0.3, 0.3]}
+    parts: {shelf: {center: [-0.01, 0, 0.02], size: [0.1, 0.2, 0.02]}}
 joints: {door: {range: [0, 1.5], initial: 0.4}}
 belief:
   regions:
@@ -49,7 +52,6 @@ CUPBOARD = """
 <mujoco>
   <worldbody>
     <geom name="case" type="box" size="0.09 0.15 0.15" pos="-0.01 0 0" mass="3"/>
-    <site name="shelf" type="box" size="0.05 0.1 0.01" pos="-0.01 0 0.02"/>
     <body name="door" pos="0.09 -0.15 0">
       <joint name="door" axis="0 0 -1" range="0 1.5" damping="0.5"/>
       <geom type="box" size="0.005 0.15 0.15" pos="0.005 0.15 0" mass="0.5"/>

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gap_perception.language.vocabulary import build_vocabulary
-from gap_perception.parts import INSIDE, read_part
-from gap_runtime.contracts.task import ObjectModel, Shape
+from gap_perception.parts import INSIDE, part_points, read_part
+from gap_runtime.contracts.task import ObjectModel, Part, Shape
 
 PAN = Shape(kind="pan", size=(0.35, 0.20, 0.05), wall=0.005, floor=0.005, handle=(0.03, 0.01))
 MUG = Shape(kind="mug", size=(0.12, 0.085, 0.095), wall=0.004, floor=0.006, handle=(0.014, 0.008))
@@ -32,6 +32,18 @@ def test_a_part_and_what_it_belongs_to_are_read(text, part, whole):
     found = read_part(text, build_vocabulary(OBJECTS))
     assert found is not None and found[0] == part
     assert (found[1] and set(found[1].names)) == (whole and {whole})
+
+
+@pytest.mark.parametrize("text", ["knob of the stove", "the stove's dial", "stove knob"])
+def test_a_part_that_the_model_declares_is_read_by_its_words(text):
+    shape = Shape(kind="box", size=(0.4, 0.2, 0.05))
+    parts = {"knob": Part(center=(-0.1, 0, 0.02), size=(0.05, 0.05, 0.02), words=["dial"])}
+    objects = {"stove": ObjectModel(label="stove", shape=shape, mass=3, parts=parts)}
+    found = read_part(text, build_vocabulary(objects), objects)
+    assert found is not None and found[0] == "knob" and found[1] is not None and set(found[1].names) == {"stove"}
+    inside = part_points(objects["stove"], "knob")
+    assert inside(np.array([[-0.1, 0.02, 0.02], [0.1, 0.0, 0.02]])).tolist() == [True, False]
+    assert part_points(objects["stove"], "lid") is None
 
 
 @pytest.mark.parametrize("text", ["frying pan", "handle of the unicorn", "door handle", ""])
