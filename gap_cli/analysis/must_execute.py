@@ -48,7 +48,7 @@ class MustExecute:
 
     def _starts_with(self, node: int) -> int:
         """The nodes that surely start in every run in which this one does."""
-        within = self._around(node)
+        within = self._around(node) if self.flow.back else frozenset()
         if within not in self._solved:
             self._solved[within] = _Solution(self, within)
         return self._solved[within].must[node]

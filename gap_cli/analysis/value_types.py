@@ -14,7 +14,7 @@ from gap_runtime.contracts.failures import BadRequestError, did_you_mean
 from gap_runtime.contracts.skill import Parameter
 from gap_runtime.contracts.types import CONTRACT_TYPES
 from gap_runtime.contracts.types.typeref import TypeRef
-from gap_runtime.graph.references import is_reference, references_in
+from gap_runtime.graph.references import has_reference, is_reference
 
 field_types = lru_cache(maxsize=256)(tool.field_types)
 ANY = TypeRef("any")
@@ -98,11 +98,6 @@ def unit_of(name: str) -> str:
     return _UNITS.get(name.rpartition("_")[2], "") if "_" in name else ""
 
 
-def has_ref(value: Any) -> bool:
-    """True when a reference is anywhere inside."""
-    return any(True for _ in references_in(value))
-
-
 @dataclass(frozen=True)
 class InputSlot:
     """One piece of data in an input: where it is, what must be there, and the data: a reference or a literal.
@@ -119,7 +114,7 @@ class InputSlot:
 
 def input_slots(value: Any, type_: TypeRef, path: str, unit: str = "") -> Iterator[InputSlot]:
     """Split data into references and literals, each with the type its place asks for."""
-    if is_reference(value) or not has_ref(value):
+    if is_reference(value) or not has_reference(value):
         yield InputSlot(path, type_, value, unit)
     elif isinstance(value, list):
         item = replace(type_, is_list=False, optional=False) if type_.is_list else ANY

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+import networkx as nx
 import numpy as np
 from scipy.optimize import isotonic_regression
 
@@ -52,9 +53,14 @@ class Drawing:
 def lay_out(sizes: Mapping[str, tuple[float, float]], links: Sequence[Link]) -> Drawing:
     """Place boxes of the given (width, height). The same input gives the same drawing."""
     links = [link for link in dict.fromkeys(links) if set(link) <= sizes.keys() and link[0] != link[1]]
-    back = _back_links(list(sizes), links)
+    graph = nx.DiGraph()
+    graph.add_nodes_from(sizes)
+    graph.add_edges_from(links)
+    back = _back_links(graph)
     forward = {link: (link[::-1] if link in back else link) for link in links}
-    rank = _ranks(list(sizes), list(forward.values()))
+    graph.remove_edges_from(back)
+    graph.add_edges_from(forward.values())
+    rank = {name: i for i, layer in enumerate(nx.topological_generations(graph)) for name in layer}
     chains = {link: _chain(link, rank) for link in set(forward.values())}
     all_sizes = dict(sizes) | {n: (4.0, 0.0) for chain in chains.values() for n in chain[1:-1]}
     steps = [pair for chain in sorted(chains.values()) for pair in pairwise(chain)]
@@ -65,39 +71,18 @@ def lay_out(sizes: Mapping[str, tuple[float, float]], links: Sequence[Link]) -> 
     return _drawing(sizes, all_sizes, rows, centres, {link: chains[forward[link]] for link in links}, back)
 
 
-def _back_links(names: Sequence[str], links: Sequence[Link]) -> set[Link]:
+def _back_links(graph: nx.DiGraph) -> set[Link]:
     """Links that close a cycle on the walk from the first node."""
-    after: dict[str, list[str]] = {n: [b for a, b in links if a == n] for n in names}
+    inside: set[str] = set()
     back: set[Link] = set()
-    done: set[str] = set()
-    for start in names:
-        stack = [] if start in done else [(start, iter(after[start]))]
-        inside = {start}
-        while stack:
-            name, following = stack[-1]
-            child = next(following, None)
-            if child is None:
-                stack.pop()
-                inside.discard(name)
-                done.add(name)
-            elif child in inside:
-                back.add((name, child))
-            elif child not in done:
-                inside.add(child)
-                stack.append((child, iter(after[child])))
+    for a, b, step in nx.dfs_labeled_edges(graph):
+        if step == "forward":
+            inside.add(b)
+        elif step == "reverse":
+            inside.discard(b)
+        elif b in inside:
+            back.add((a, b))
     return back
-
-
-def _ranks(names: Sequence[str], links: Sequence[Link]) -> dict[str, int]:
-    rank = dict.fromkeys(names, 0)
-    for _ in names:
-        moved = False
-        for a, b in links:
-            if rank[b] <= rank[a]:
-                rank[b], moved = rank[a] + 1, True
-        if not moved:
-            break
-    return rank
 
 
 def _chain(link: Link, rank: Mapping[str, int]) -> tuple[str, ...]:

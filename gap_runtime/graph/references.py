@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Literal
 
 from gap_runtime.contracts.failures import BadRequestError
@@ -25,8 +26,15 @@ class Reference:
     @classmethod
     def parse(cls, text: str) -> Reference:
         """From the text after `$ref`. Raises ValueError when it is none of the forms."""
-        parts = text.split(".") if isinstance(text, str) else []
-        if not parts or not all(parts):
+        if not isinstance(text, str):
+            raise ValueError(f"{text!r} is not a reference")
+        return cls._parsed(text)
+
+    @classmethod
+    @lru_cache(maxsize=4096)
+    def _parsed(cls, text: str) -> Reference:
+        parts = text.split(".")
+        if not all(parts):
             raise ValueError(f"{text!r} is not a reference; write node, node.field.0, in.name or param.name")
         if parts[0] not in ("in", "param"):
             return cls("node", parts[0], tuple(parts[1:]))
@@ -42,6 +50,12 @@ class Reference:
 def is_reference(data: Any) -> bool:
     """True for `{"$ref": ...}`."""
     return isinstance(data, Mapping) and KEY in data
+
+
+def has_reference(data: Any) -> bool:
+    """True when a reference is anywhere inside."""
+    parts = data.values() if isinstance(data, Mapping) else data if isinstance(data, list) else ()
+    return is_reference(data) or any(has_reference(part) for part in parts)
 
 
 def references_in(value: Any, path: str = "") -> Iterator[tuple[str, Reference | None]]:

@@ -7,9 +7,9 @@ from itertools import combinations, islice
 from typing import Any, NamedTuple
 
 from gap_cli.analysis.context import SubgraphContext, WorkflowContext
-from gap_cli.analysis.value_types import has_ref
 from gap_runtime.contracts.tool import ToolSpec
 from gap_runtime.errors import Finding
+from gap_runtime.graph.references import has_reference
 
 CLOCK = "clock"
 MAX_PER_NODE = 8  # a node beside a hundred others has one mistake, not a hundred
@@ -28,10 +28,12 @@ def holds(sg: SubgraphContext, name: str) -> list[Hold]:
     callee = sg.callees[name]
     if callee is None:
         return []
-    inputs = sg.nodes[name].inputs
-    known = {p.name: inputs.get(p.name, p.default) for p in callee.inputs.values() if not has_ref(inputs.get(p.name))}
-    itself = callee.what.startswith("tool ")
-    found = {h for spec in callee.tools for h in _tool_holds(spec, known if itself else {})}
+    known: dict[str, Any] = {}
+    if callee.what.startswith("tool ") and any("{" in resource for spec in callee.tools for resource in spec.resources):
+        inputs = sg.nodes[name].inputs
+        given = {p.name: inputs.get(p.name, p.default) for p in callee.inputs.values()}
+        known = {name: value for name, value in given.items() if not has_reference(value)}
+    found = {h for spec in callee.tools for h in _tool_holds(spec, known)}
     return sorted(found)
 
 
@@ -83,6 +85,8 @@ def _pair(sg: SubgraphContext, a: str, b: str, ours: list[Hold], theirs: list[Ho
 def r3_loops(sg: SubgraphContext) -> Iterator[Finding]:
     """R3: a loop has one way in, a way out, and starts over only when all that began in it has finished."""
     flow = sg.flow
+    if not flow.back:
+        return
     heads = {flow.arcs[n].target for n in flow.back}
     for node in sorted(heads & sg.must.endless):
         name = flow.names[node]
