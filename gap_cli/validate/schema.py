@@ -26,6 +26,10 @@ def json_schema(model: type[BaseModel], name: str, *, leave_out: tuple[str, ...]
     parts: dict[str, Any] = schema.get("$defs", {})
     if model is Workflow:
         _sharpen_workflow(schema, parts)
+    if "ObjectModel" in parts:
+        _needed(parts["Shape"], "size", {"properties": {"kind": {"const": "mesh"}}})
+        links = {"properties": {"shape": {"properties": {"kind": {"const": "articulated"}}}}}
+        _needed(parts["ObjectModel"], "mass", {"required": ["density"]}, links)
     for part in (schema, *parts.values()):
         _type_names(part)
     head = {"$schema": DIALECT, "$id": f"gap:schema/{name}", "title": name}
@@ -40,6 +44,12 @@ def _sharpen_workflow(schema: dict[str, Any], parts: dict[str, Any]) -> None:
     subgraph = parts["SubgraphDef"]["properties"]
     subgraph["nodes"]["additionalProperties"] = _one_of(INSIDE)
     subgraph["inputs"]["properties"] = {STREAM: {"enum": list(STREAM_TYPES)}}
+
+
+def _needed(part: dict[str, Any], key: str, *unless: dict[str, Any]) -> None:
+    """Ask for a key that the model needs only where the reader cannot fill it in from a file."""
+    part["required"].remove(key)
+    part["anyOf"] = [{"required": [key]}, *unless]
 
 
 def _node(node: Mapping[str, Any], kind: str) -> dict[str, Any]:

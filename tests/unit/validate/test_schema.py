@@ -39,6 +39,18 @@ def test_every_document_of_the_house_fits(kind, path):
     assert accepts(kind, read_yaml(path))
 
 
+@pytest.mark.parametrize(("shape", "more", "fits"), [
+    ({"kind": "box", "size": [1, 1, 1]}, {"mass": 1}, True), ({"kind": "box", "size": [1, 1, 1]}, {}, False),
+    ({"kind": "box"}, {"mass": 1}, False), ({"kind": "mesh", "file": "a.stl"}, {"density": 800}, True),
+    ({"kind": "mesh", "file": "a.stl"}, {}, False),
+    ({"kind": "articulated", "file": "a.xml", "size": [1, 1, 1]}, {}, True),
+])  # fmt: skip
+def test_what_a_file_says_of_an_object_need_not_be_given(shape, more, fits):
+    task = read_yaml(ROOT / "tasks/fulfill-grocery/task.yaml")
+    task["objects"]["thing"] = {"label": "thing", "shape": shape, **more}
+    assert accepts("task", task) == fits
+
+
 def test_a_workflow_fits():
     data = plain_workflow()
     assert accepts("workflow", data)
