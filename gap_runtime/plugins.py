@@ -97,7 +97,7 @@ class Registry:
     def tool(self, name: str) -> Tool:
         """One tool. Raises `UnknownNameError` with the nearest name."""
         if name not in self.providers:
-            raise UnknownNameError("tool", name, self.providers)
+            raise UnknownNameError("tool", name, {n: tool.spec.summary for n, tool in self.tools.items()})
         return self.providers[name][self._choice(name, self.providers[name])]
 
     def robot(self, name: str) -> RobotSpec:

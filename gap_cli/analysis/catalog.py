@@ -48,6 +48,7 @@ class Catalog:
     objects      ids and labels of the task's objects; None: not known, names are not checked.
     checkpoints  by subgraph definition; None: not written yet, and not checked.
     problems     path of a script or checkpoint file -> why it could not be read.
+    descriptions what each skill is for, to suggest one for a name that does not exist.
     """
 
     tools: Mapping[str, ToolSpec]
@@ -57,6 +58,7 @@ class Catalog:
     checkpoints: Mapping[str, tuple[Checkpoint, ...]] | None = None
     problems: Mapping[str, str] = field(default_factory=dict)
     joints: frozenset[str] | None = None
+    descriptions: Mapping[str, str] = field(default_factory=dict)
 
     def skill(self, name: str) -> SkillContract | None:
         """The contract of a skill; the paper's underscore spelling resolves."""
@@ -69,11 +71,6 @@ class Catalog:
         if node.type in ("script", "router") and node.script is not None:
             return self._script(node.script, contract)
         return None
-
-    @property
-    def callable_names(self) -> list[str]:
-        """Every name a tool node may use."""
-        return [*self.tools, *(n for n, c in self.skills.items() if c.kind == "atomic")]
 
     @cached_property
     def _skills(self) -> dict[str, SkillContract]:
@@ -132,6 +129,7 @@ def read_catalog(
     *,
     joints: Iterable[str] | None = None,
     checkpoints: bool = True,
+    descriptions: Mapping[str, str] | None = None,
 ) -> Catalog:
     """The catalog for a workflow stored in `folder` beside scripts/ and checkpoints/. A file that cannot be read is a
     `problem`, which the validator reports, not an error."""
@@ -158,6 +156,7 @@ def read_catalog(
         points if checkpoints else None,
         problems,
         None if joints is None else frozenset(joints),
+        descriptions or {},
     )
 
 

@@ -104,5 +104,8 @@ def _findings(workflow: Workflow, folder: Path, spec: Path, inventory: Inventory
 
     task = inventory.task
     names = {*task.objects, *(model.label for model in task.objects.values())}
-    catalog = read_catalog(workflow, folder, inventory.tools, inventory.library.contracts, names, joints=task.joints)
+    catalog = read_catalog(
+        workflow, folder, inventory.tools, inventory.library.contracts, names,
+        joints=task.joints, descriptions=inventory.library.descriptions,
+    )  # fmt: skip
     return validate(workflow, catalog, lines=folder_lines(workflow, folder / "subgraphs", spec))

@@ -52,12 +52,17 @@ class SkillLibrary(Mapping[str, SkillBundle]):
             return self[name]
         if name in self.left_out:
             raise PluginError(f"Skill {name!r} cannot be read: {self.left_out[name]}")
-        raise UnknownNameError("skill", name, self._bundles)
+        raise UnknownNameError("skill", name, self.descriptions)
 
     @property
     def contracts(self) -> dict[str, SkillContract]:
         """Skill name to contract."""
         return {name: bundle.contract for name, bundle in self._bundles.items()}
+
+    @property
+    def descriptions(self) -> dict[str, str]:
+        """Skill name to what its SKILL.md says of it."""
+        return {name: bundle.description for name, bundle in self._bundles.items()}
 
     def canonical_scripts(self, workflow: Workflow, folder: Path | None = None) -> dict[str, Path]:
         """The script paths of a workflow that are canonical scripts of its skills, with the trusted file of each.

@@ -19,6 +19,7 @@ from gap_cli.validate.rules import (
     structure,
     topology,
 )
+from gap_runtime.contracts.failures import KNOWN
 from gap_runtime.errors import Finding, WorkflowError
 from gap_runtime.graph.model import Workflow
 
@@ -40,7 +41,18 @@ def validate(workflow: Workflow, catalog: Catalog, lines: Mapping[str, int] | No
     for sg in context.subgraphs.values():
         found.update(f for family in _FAMILIES for rule in family.RULES for f in rule(sg))
     placed = (_with_line(f, lines) for f in found) if lines else found
-    return sorted(placed, key=lambda f: (f.path, f.code, f.message))
+    return _listed_once(sorted(placed, key=lambda f: (f.path, f.code, f.message)))
+
+
+def _listed_once(findings: list[Finding]) -> list[Finding]:
+    """What exists is listed where it is first asked for, and not again."""
+    lists: set[str] = set()
+    kept = []
+    for finding in findings:
+        again = finding.hint.startswith(KNOWN) and finding.hint in lists
+        lists.add(finding.hint)
+        kept.append(replace(finding, hint="") if again else finding)
+    return kept
 
 
 def require_valid(workflow: Workflow, catalog: Catalog, lines: Mapping[str, int] | None = None) -> None:

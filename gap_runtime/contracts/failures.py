@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import difflib
+import math
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any
+
+KNOWN = "Known: "  # how a hint begins that lists what exists
 
 
 class GapError(Exception):
@@ -36,14 +40,59 @@ def _rebuild(cls: type[GapError], args: tuple[Any, ...], state: dict[str, Any]) 
     return error
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """'Did you mean x?' for a near miss, else the list of what exists (at most twelve)."""
+def nearest(name: str, known: Iterable[str]) -> str:
+    """The name that was most likely meant, '' when none is near: one that differs by little, else one that shares words
+    with it, in its own name or, where `known` maps names to what they stand for, in that text."""
     names = sorted(known)
-    near = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
+    texts = known if isinstance(known, Mapping) else {}
+    found = difflib.get_close_matches(name, names, n=1, cutoff=0.8) or _by_words(name, names, texts)
+    return next(iter(found or difflib.get_close_matches(name, names, n=1, cutoff=0.6)), "")
+
+
+def _by_words(name: str, names: list[str], texts: Mapping[str, Any]) -> list[str]:
+    """The name that shares most words with `name`, where they are enough of them; a word that many share says little.
+
+    A word counts half in a text, and in part where only its beginning is shared (`perceiving`, `perception`).
+    """
+    owned = [(_words(known), _words(str(texts[known])) if isinstance(texts.get(known), str) else []) for known in names]
+    scores, most = [0.0] * len(names), 0.0
+    for word in _words(name):
+        likeness = [max(_alike(word, mine), 0.5 * _alike(word, text)) for mine, text in owned]
+        weight = math.log(1 + len(names) / max(1, sum(x > 0 for x in likeness)))
+        scores = [score + weight * x for score, x in zip(scores, likeness, strict=True)]
+        most += weight
+    best = max(range(len(names)), key=lambda i: (scores[i], _ratio(name, names[i])), default=None)
+    return [names[best]] if best is not None and scores[best] > 0.5 * most else []
+
+
+def _words(text: str) -> list[str]:
+    """Its words in small letters, CamelCase taken apart, single letters left out."""
+    return [w.lower() for w in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", text) if len(w) > 1]
+
+
+def _alike(word: str, others: Iterable[str]) -> float:
+    """How much one of the others is like `word`: 1 for the same, more than 0.7 where half of it or more is, else 0."""
+    shares = [1.0 if word == other else _shared(word, other) for other in others]
+    return max((0.5 + s / 2 for s in shares if s >= 0.5), default=0.0)
+
+
+def _shared(a: str, b: str) -> float:
+    count = next((i for i, (x, y) in enumerate(zip(a, b, strict=False)) if x != y), min(len(a), len(b)))
+    return count / max(len(a), len(b)) if count > 2 else 0.0
+
+
+def _ratio(a: str, b: str) -> float:
+    return difflib.SequenceMatcher(None, "".join(_words(a)), "".join(_words(b))).ratio()
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """'Did you mean x?' where one is `nearest`, else the list of what exists (at most twelve)."""
+    names = sorted(known)
+    near = nearest(name, known)
     if near:
-        return f"Did you mean {near[0]!r}?"
+        return f"Did you mean {near!r}?"
     shown = ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
-    return f"Known: {shown}." if names else "None are known."
+    return f"{KNOWN}{shown}." if names else "None are known."
 
 
 class UnknownNameError(GapError):

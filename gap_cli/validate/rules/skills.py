@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from gap_cli.analysis.catalog import Catalog
 from gap_cli.analysis.context import SubgraphContext, WorkflowContext
 from gap_cli.analysis.value_types import literal_problem
 from gap_runtime.contracts.skill import check_relative
@@ -16,7 +17,8 @@ def k1_skill(sg: SubgraphContext) -> Iterator[Finding]:
     """K1: the skill exists, and is one that subgraphs are made of."""
     d = sg.definition
     if sg.contract is None:
-        hint = did_you_mean(d.skill.replace("_", "-"), sg.catalog.skills) if sg.catalog.skills else ""
+        known = {name: sg.catalog.descriptions.get(name, "") for name in sg.catalog.skills}
+        hint = did_you_mean(d.skill.replace("_", "-"), known) if known else ""
         yield sg.finding("K1", "skill", f"there is no skill {d.skill!r}", hint or "No skills are installed.")
     elif sg.contract.kind == "atomic":
         hint = f'Call it from a node: type="tool", tool="{d.skill}".'
@@ -27,15 +29,13 @@ def k2_tools_exist(sg: SubgraphContext) -> Iterator[Finding]:
     """K2: the tool of a node exists."""
     for name, node in sg.nodes.items():
         if node.type == "tool" and node.tool is not None and sg.callees[name] is None:
-            yield sg.finding("K2", f"nodes.{name}.tool", *_unknown_tool(sg.catalog.callable_names, node.tool))
+            yield sg.finding("K2", f"nodes.{name}.tool", *_unknown_tool(sg.catalog, node.tool))
 
 
-def _unknown_tool(known: list[str], name: str) -> tuple[str, str]:
-    if not known:
-        return f"there is no tool {name!r}", "No tools are installed."
-    same_method = [n for n in known if n.partition(".")[2] == name.rpartition(".")[2]]
-    hint = f"Did you mean {same_method[0]!r}?" if len(same_method) == 1 else did_you_mean(name, known)
-    return f"there is no tool {name!r}", hint
+def _unknown_tool(catalog: Catalog, name: str) -> tuple[str, str]:
+    known = {n: spec.summary for n, spec in catalog.tools.items()}
+    known |= {n: catalog.descriptions.get(n, "") for n, contract in catalog.skills.items() if contract.kind == "atomic"}
+    return f"there is no tool {name!r}", did_you_mean(name, known) if known else "No tools are installed."
 
 
 def k2_recoveries(context: WorkflowContext) -> Iterator[Finding]:
@@ -48,7 +48,7 @@ def k2_recoveries(context: WorkflowContext) -> Iterator[Finding]:
 def _recovery(context: WorkflowContext, path: str, call: Call) -> Iterator[Finding]:
     spec = context.catalog.tools.get(call.tool)
     if spec is None:
-        yield Finding(f"{path}.tool", "K2", *_unknown_tool(list(context.catalog.tools), call.tool))
+        yield Finding(f"{path}.tool", "K2", *_unknown_tool(context.catalog, call.tool))
         return
     known = {p.name: p for p in spec.inputs}
     for parameter in known.values():

@@ -39,6 +39,8 @@ def tree(folder):
         (("validate",), ["no run", "gap plan"]),
         (("report", "./nowhere"), ["nowhere"]),
         (("tools", "show", "gripper.Opne"), ["gripper.Open"]),
+        (("tools", "show", "robot.open_gripper"), ["Did you mean 'gripper.Open'?"]),
+        (("skills", "show", "transporting-objects"), ["Did you mean 'transport-to-drop'?"]),
         (("tasks", "show", "fulfill"), ["fulfill-grocery"]),
     ],
     ids=lambda v: " ".join(v)[:40] if isinstance(v, tuple) else "",
@@ -151,6 +153,21 @@ def test_a_dangling_reference_is_a_finding_not_a_crash(gap, make_run):
     )
     done = gap("validate", "--json")
     assert done.code == 1 and "has no 'nowhere'" in done.out
+
+
+def test_what_exists_is_listed_once_for_all_unknown_tools(gap, make_run):
+    run = make_run()
+    file = run.path / "generate/workflow.json"
+    data = json.loads(file.read_text())
+    nodes = data["subgraphs"]["main_sg"]["nodes"]
+    for node in nodes.values():
+        if node["type"] == "tool":
+            node["tool"] = "xq.Zv"
+    file.write_text(json.dumps(data))
+    found = [f for f in json.loads(gap("validate", "--json").out)["findings"] if f["code"] == "K2"]
+    assert len(found) > 1 and [f.get("hint", "").startswith("Known: ") for f in found] == [True] + [False] * (
+        len(found) - 1
+    )
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import pytest
 
 from gap_runtime import errors
 from gap_runtime.contracts import failures
-from gap_runtime.contracts.failures import GapError, ToolError, UnknownNameError, did_you_mean
+from gap_runtime.contracts.failures import GapError, ToolError, UnknownNameError, did_you_mean, nearest
 from gap_runtime.errors import Finding
 
 FINDING = Finding("nodes.a", "S1", "is wrong", "do right")
@@ -64,6 +64,38 @@ def test_without_a_hint_the_message_stands_alone():
 def test_a_name_nobody_knows_gets_the_nearest_or_the_list(name, known, said):
     assert did_you_mean(name, known) == said
     assert UnknownNameError("task", name, known).hint == said
+
+
+PURPOSES = {
+    "gripper.Open": "Open the jaws fully.",
+    "gripper.Close": "Close the jaws until something stops them.",
+    "robot_control.GoToPose": "Move the TCP to a pose by joint motion.",
+    "robot_control.GoHome": "Move to the home configuration.",
+    "observation.GetObservation": "Read every camera and every arm.",
+    "observation.GetCameraPose": "Where one camera is.",
+    "perception-single": "Finds one named object in the picture.",
+    "track-object": "Follows one object from frame to frame.",
+    "transport-to-drop": "Carries a held object over a container and releases it.",
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("robot.open_gripper", "gripper.Open"),
+        ("robot.go_to_pose", "robot_control.GoToPose"),
+        ("robot.get_observation", "observation.GetObservation"),
+        ("transporting-objects", "transport-to-drop"),
+        ("perceiving-objects", "perception-single"),
+        ("tracking-objects", "track-object"),
+        ("gripper.Opne", "gripper.Open"),
+        ("robot.wave", ""),
+        ("speak", ""),
+        ("", ""),
+    ],
+)
+def test_the_nearest_name_shares_letters_or_meaning(name, meant):
+    assert nearest(name, PURPOSES) == meant
 
 
 def test_details_of_a_tool_error_are_its_own():
