@@ -64,7 +64,7 @@ def test_what_no_file_can_hold_is_refused_where_it_is_written(code):
 
 
 @pytest.mark.parametrize(("code", "says"), [
-    ('sg.add_input("a", type_name="Mask")', "add_input(): has no 'type_name' Did you mean 'proto_type'?"),
+    ('sg.add_input("a", type_name="Mask")', "add_input(): has no 'type_name' Known: proto_type."),
     ('sg.add_checkpoint("a", "w.time > 1", rational="x")', "has no 'rational' Did you mean 'rationale'?"),
     ('sg.add_node("a", type="noop", colour="red")', "a node has no 'colour' Known: deadline_s,"),
     ('sg.add_node("a", type="tool", tol="x")', "a node has no 'tol' Did you mean 'tool'?"),
