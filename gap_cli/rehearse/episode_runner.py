@@ -19,8 +19,8 @@ from gap_runtime.contracts.engine import EpisodeResult, RehearsalJob
 from gap_runtime.contracts.simulator import Simulator
 from gap_runtime.errors import UnknownNameError
 from gap_runtime.graph.checkpoints import evaluate
-from gap_runtime.run.context import ScriptRunner
 from gap_runtime.run.execute import RunSetup
+from gap_runtime.run.services import ScriptRunner
 
 if TYPE_CHECKING:
     from gap_cli.rehearse.recording.mcap import McapRecorder
@@ -86,7 +86,7 @@ def make_setup(prepared: Prepared, simulator: Simulator, seed: int, jail: Script
 
     return RunSetup(
         cell=simulator, task=task, robots=tuple(registry.robot(p.model) for p in task.robots), seed=seed,
-        script_runner=jail, world_budget_s=task.max_time, lockstep=True, checkpoints=broken,
+        script_runner=jail, cell_budget_s=task.max_time, lockstep=True, checkpoints=broken,
     )  # fmt: skip
 
 

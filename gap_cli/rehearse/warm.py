@@ -9,7 +9,7 @@ from typing import Any
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.task import Task
 from gap_runtime.plugins import Registry
-from gap_runtime.run.context import SHARED
+from gap_runtime.run.services import SHARED
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ class Tracer:
         pictures = self._pictures and len(self.rows) < MAX_PICTURED
         data = {key: preview(value, pictures=pictures) for key, value in event.data.items()}
         row = {"seq": event.seq, "t": round(event.t, 6), "kind": event.kind, "path": event.path, "data": data}
-        self.rows.append(row if event.world_time is None else {**row, "world_time": round(event.world_time, 6)})
+        self.rows.append(row if event.cell_time is None else {**row, "cell_time": round(event.cell_time, 6)})
 
 
 @dataclass
@@ -81,7 +81,7 @@ def read_timeline(rows: Iterable[Mapping[str, Any]]) -> RunTimeline:
     for row in rows:
         if "kind" not in row:
             continue
-        t, world, data = float(row["t"]), row.get("world_time"), row.get("data", {})
+        t, world, data = float(row["t"]), row.get("cell_time"), row.get("data", {})
         timeline.duration = max(timeline.duration, t)
         if world is not None:
             timeline.clock.append((t, float(world)))

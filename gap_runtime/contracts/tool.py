@@ -66,7 +66,7 @@ class ScriptContext(Protocol):
     def raise_if_cancelled(self) -> None:
         """Raise `CancelledError` when this node was told to stop; call it in long loops."""
 
-    def closing(self) -> AbstractContextManager[None]:
+    def cleanup(self) -> AbstractContextManager[None]:
         """Within it a node that was told to stop may still call tools that move nothing, to free what it holds, until
         it is abandoned: a second for a streaming node. Write it in a `finally`."""
 

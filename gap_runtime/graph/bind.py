@@ -1,19 +1,15 @@
-"""Turns the inputs and outputs a workflow writes as data into readers of a running frame."""
+"""Turns the inputs and outputs a workflow writes as data into readers of a subgraph activation."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gap_runtime.contracts.failures import BadRequestError, UnknownNameError
-from gap_runtime.graph.compiled import UNSET, Reader
+from gap_runtime.graph.compiled import UNSET, ActivationValues, Reader, StreamOwner
 from gap_runtime.graph.references import STREAM, Reference, is_reference, references_in, walk
 from gap_runtime.graph.values import copy_containers
-
-if TYPE_CHECKING:
-    from gap_runtime.run.activation import Frame
-    from gap_runtime.run.attempt import Attempt
 
 
 @dataclass(frozen=True)
@@ -47,7 +43,7 @@ def constant(data: Any, scope: ReferenceScope, where: str) -> Any:
 
 
 def make_reader(data: Any, scope: ReferenceScope, where: str, *, live: bool = False) -> Reader:
-    """A function of the running frame that gives the value of `data`. Raises `UnknownNameError` at once.
+    """A function of the activation that gives the value of `data`. Raises `UnknownNameError` at once.
 
     With `live`, `in.observation_stream` gives the stream itself rather than its latest observation.
     """
@@ -55,17 +51,17 @@ def make_reader(data: Any, scope: ReferenceScope, where: str, *, live: bool = Fa
         return _reference_reader(Reference.parse(data["$ref"]), scope, where, live)
     if isinstance(data, Mapping):
         parts = {key: make_reader(value, scope, where) for key, value in data.items()}
-        return lambda frame, attempt: {key: read(frame, attempt) for key, read in parts.items()}
+        return lambda activation, owner: {key: read(activation, owner) for key, read in parts.items()}
     if isinstance(data, list):
         items = [make_reader(value, scope, where) for value in data]
-        return lambda frame, attempt: [read(frame, attempt) for read in items]
-    return lambda frame, attempt: data
+        return lambda activation, owner: [read(activation, owner) for read in items]
+    return lambda activation, owner: data
 
 
 def _reference_reader(reference: Reference, scope: ReferenceScope, where: str, live: bool) -> Reader:
     if reference.source == "param":
         value = constant({"$ref": str(reference)}, scope, where)
-        return lambda frame, attempt: value
+        return lambda activation, owner: value
     if reference.source == "in":
         if reference.name == STREAM:
             return _observations(live)
@@ -82,8 +78,8 @@ def _reference_reader(reference: Reference, scope: ReferenceScope, where: str, l
 def _slot(index: int, reference: Reference, where: str) -> Reader:
     fields = reference.fields
 
-    def read(frame: Frame, attempt: Attempt | None) -> Any:
-        value = frame.slots[index]
+    def read(activation: ActivationValues, owner: StreamOwner | None) -> Any:
+        value = activation.slots[index]
         if value is UNSET:
             raise BadRequestError("reference", f"{where}: node {reference.name!r} has not run on this path")
         return copy_containers(walk(value, fields, where) if fields else value)
@@ -94,8 +90,8 @@ def _slot(index: int, reference: Reference, where: str) -> Reader:
 def _input(reference: Reference, where: str) -> Reader:
     name, fields = reference.name, reference.fields
 
-    def read(frame: Frame, attempt: Attempt | None) -> Any:
-        value = frame.inputs.get(name, UNSET)
+    def read(activation: ActivationValues, owner: StreamOwner | None) -> Any:
+        value = activation.inputs.get(name, UNSET)
         if value is UNSET:
             raise BadRequestError("reference", f"{where}: nothing upstream has produced {name!r}")
         return copy_containers(walk(value, fields, where) if fields else value)
@@ -104,18 +100,18 @@ def _input(reference: Reference, where: str) -> Reader:
 
 
 def _stream(index: int, reference: Reference, where: str) -> Reader:
-    def read(frame: Frame, attempt: Attempt | None) -> Any:
-        stream = frame.streams.get(index)
+    def read(activation: ActivationValues, owner: StreamOwner | None) -> Any:
+        stream = activation.streams.get(index)
         if stream is None:
             raise BadRequestError("reference", f"{where}: streaming node {reference.name!r} has not been started")
-        return copy_containers(walk(stream.latest(attempt), reference.fields, where))
+        return copy_containers(walk(stream.latest(owner), reference.fields, where))
 
     return read
 
 
 def _observations(live: bool) -> Reader:
-    def read(frame: Frame, attempt: Attempt | None) -> Any:
-        stream = frame.observations()
-        return stream.reader(attempt) if live and attempt is not None else stream.latest(attempt)
+    def read(activation: ActivationValues, owner: StreamOwner | None) -> Any:
+        stream = activation.observations()
+        return stream.reader(owner) if live and owner is not None else stream.latest(owner)
 
     return read

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final, Literal
+from pathlib import Path
+from typing import Any, Final, Literal, Protocol
 
 from gap_runtime.contracts.tool import Effect, Param
 from gap_runtime.contracts.types.typeref import TypeRef
 from gap_runtime.graph.model import Workflow
 from gap_runtime.graph.values import Check
-
-if TYPE_CHECKING:
-    from gap_runtime.run.activation import Frame
-    from gap_runtime.run.attempt import Attempt
-    from gap_runtime.run.context import NodeContext
 
 DEFAULT_VISITS = 100
 SCRIPT_DEADLINE_S = 60.0
@@ -27,8 +23,69 @@ class _Unset:
 
 
 UNSET: Final = _Unset()
-Reader = Callable[["Frame", "Attempt | None"], Any]
-Invoke = Callable[["NodeContext", dict[str, Any]], Any]
+
+
+class StreamOwner(Protocol):
+    """Who reads a stream: a node, which may be told to stop while it waits."""
+
+    def check(self) -> None:
+        """Raise `CancelledError` or `ToolError` where it must not go on."""
+
+    @property
+    def paces_cell(self) -> bool:
+        """True while the cell may wait for it."""
+
+
+class ValueStream(Protocol):
+    """Values of which the newest counts."""
+
+    @property
+    def count(self) -> int:
+        """How many items were published so far."""
+
+    def latest(self, owner: StreamOwner | None = None) -> Any:
+        """The newest value. Raises `ToolError` code `stream` where there is none and none will come."""
+
+    def reader(self, owner: StreamOwner, seen: int = 0) -> Any:
+        """A place in the stream for one node, after the first `seen` items."""
+
+
+class ActivationValues(Protocol):
+    """What the references of a subgraph read while it is passed through; `slots` hold each node's output by index."""
+
+    @property
+    def slots(self) -> Sequence[Any]:
+        """Outputs, `UNSET` where a node has not run."""
+
+    @property
+    def inputs(self) -> Mapping[str, Any]:
+        """The subgraph's inputs, as far as they were produced."""
+
+    @property
+    def streams(self) -> Mapping[int, ValueStream]:
+        """What streaming nodes publish, by index."""
+
+    @property
+    def observations(self) -> Callable[[], ValueStream]:
+        """Makes the cell's own stream, once it is asked for."""
+
+
+class CallContext(Protocol):
+    """What a callable is handed for one call, as far as the graph knows it."""
+
+    def raise_if_cancelled(self) -> None:
+        """Raise `CancelledError` or `ToolError` where the node must not go on."""
+
+    def seconds_left(self) -> float:
+        """Wall seconds until the node's deadline."""
+
+    def run_jailed(self, file: Path, inputs: dict[str, Any]) -> Any:
+        """Run an untrusted script."""
+
+
+Reader = Callable[[ActivationValues, StreamOwner | None], Any]
+Invoke = Callable[[Any, dict[str, Any]], Any]
+"""(CallContext, or None where it takes none; inputs by name) -> output."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""One pass through one subgraph: which nodes are due, what they produced, and how the pass ended."""
+"""One pass through one subgraph: which nodes are ready, what they produced, and how the pass ended."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from gap_runtime.run.attempt import Attempt
 from gap_runtime.run.streams import Stream
 
 
-class Due:
-    """Steps that were reached and have not run; one waits while another that is due, or `busy`, can still reach it."""
+class ReadyQueue:
+    """Steps that were reached and have not run; one waits while another of them, or `busy`, can still lead to it."""
 
     __slots__ = ("_steps", "pending", "visits")
 
@@ -23,12 +23,12 @@ class Due:
         self.pending: dict[int, None] = {}
         self.visits: dict[int, int] = {}
 
-    def reach(self, indices: Sequence[int]) -> None:
+    def activate(self, indices: Sequence[int]) -> None:
         """Control arrives at these steps."""
         for index in indices:
             self.pending[index] = None
 
-    def take(self, busy: int = 0) -> list[int]:
+    def pop_ready(self, busy: int = 0) -> list[int]:
         """The steps that may run now, in order. Raises `ExecutionError` where they wait for each other."""
         pending = self.pending
         if len(pending) == 1 and not busy:
@@ -63,11 +63,11 @@ class Due:
             )  # fmt: skip
 
 
-class Frame:
+class SubgraphActivation:
     """The state of one pass. `slots` holds each node's output by index; `sends` what a router wants run, by target."""
 
     __slots__ = (
-        "due", "ends_run", "ids", "inputs", "name", "observations", "sends", "slots", "streamers", "streams",
+        "ends_run", "ids", "inputs", "name", "observations", "queue", "sends", "slots", "streamers", "streams",
         "subgraph", "terminals", "top",
     )  # fmt: skip
 
@@ -78,8 +78,8 @@ class Frame:
         self.top, self.name, self.subgraph, self.inputs = top, name, subgraph, inputs
         self.observations, self.ids = observations, ids
         self.slots: list[Any] = [UNSET] * len(subgraph.nodes)
-        self.due = Due(subgraph.nodes)
-        self.due.reach(subgraph.entries)
+        self.queue = ReadyQueue(subgraph.nodes)
+        self.queue.activate(subgraph.entries)
         self.sends: dict[int, list[tuple[int, int, Mapping[str, Any]]]] = {}
         self.streams: dict[int, Stream] = {}
         self.streamers: list[Attempt] = []
@@ -89,17 +89,26 @@ class Frame:
     def ready(self) -> list[Attempt]:
         """An attempt for every node that may run now; several for one that a router sends several inputs."""
         attempts: list[Attempt] = []
-        for index in self.due.take():
+        for index in self.queue.pop_ready():
             node = self.subgraph.nodes[index]
             sends = self.sends.pop(index, None) if self.sends else None
             if sends is None:
-                attempts.append(Attempt(node, self))
+                attempts.append(Attempt(next(self.ids), node, self))
                 continue
             for router, place, inputs in sends:
-                attempt = Attempt(node, self)
+                attempt = Attempt(next(self.ids), node, self)
                 attempt.extra, attempt.send = inputs, (router, place)
                 attempts.append(attempt)
         return attempts
+
+    @property
+    def tolerant(self) -> bool:
+        """True for a recovery: an error is recorded and the next node runs."""
+        return self.subgraph.tolerant
+
+    def skip(self, attempt: Attempt) -> None:
+        """Move on without an output."""
+        self.queue.activate(attempt.node.successors)
 
     def commit(self, attempt: Attempt) -> None:
         """Take over the output and move on. Raises `ExecutionError` or `ToolError` where its routing leads nowhere."""
@@ -109,7 +118,7 @@ class Frame:
             self.slots[router][place] = attempt.value
         else:
             self.slots[node.index] = attempt.value
-        self.due.reach(node.successors)
+        self.queue.activate(node.successors)
         if node.ends:
             self.terminals.append(node)
         if node.routes is not None:
@@ -125,7 +134,7 @@ class Frame:
             targets = self._named(node, routes, key)
         if key in routes.ends:
             self.terminals.append(node)
-        self.due.reach(targets)
+        self.queue.activate(targets)
 
     def _named(self, node: CompiledNode, routes: Routes, key: str) -> tuple[int, ...]:
         """A router may name the node itself."""
@@ -146,11 +155,11 @@ class Frame:
             if to not in targets:
                 raise UnknownNameError(f"node (sent to by {router.path})", to, targets)
             self.sends.setdefault(targets[to], []).append((router.index, place, inputs))
-            self.due.reach((targets[to],))
+            self.queue.activate((targets[to],))
         if not sends:
             if len(targets) != 1:
                 raise ToolError("route", f"{router.path} sent nothing and has several targets; return a node's name.")
-            self.due.reach(self.subgraph.nodes[next(iter(targets.values()))].successors)
+            self.queue.activate(self.subgraph.nodes[next(iter(targets.values()))].successors)
 
     def exit(self) -> str:
         """The exit value of a pass with nothing left to run. Raises `ExecutionError` where it has none, or several."""

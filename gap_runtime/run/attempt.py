@@ -1,50 +1,65 @@
-"""One try at running one node: its clock, its cancellation, and who may still decide how it ended."""
+"""A single execution of a node: its clock, its cancellation, and who may still decide how it ended."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from enum import Enum
 from threading import Event, Lock
 from time import monotonic
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from gap_runtime.contracts.failures import CancelledError, ToolError
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from gap_runtime.graph.compiled import CompiledNode
-    from gap_runtime.run.activation import Frame
+from gap_runtime.graph.compiled import ActivationValues, CompiledNode
 
 DEADLINE = "deadline"
 
 
+class Activation(ActivationValues, Protocol):
+    """The pass through a subgraph that an attempt belongs to."""
+
+    top: int  # index of its top-level node
+    ends_run: bool  # a failure here ends the whole run
+    streams: dict[int, Any]
+    streamers: list[Attempt]
+
+    @property
+    def tolerant(self) -> bool:
+        """True for a recovery: an error is recorded and the next node runs."""
+
+    def commit(self, attempt: Attempt) -> None:
+        """Take over the output and move on. Raises `ExecutionError` or `ToolError` where its routing leads nowhere."""
+
+    def skip(self, attempt: Attempt) -> None:
+        """Move on without an output."""
+
+
 class State(Enum):
-    """RUNNING until the node's own thread settles it or the supervisor abandons it, whichever comes first."""
+    """RUNNING until the node's own thread completes it or the supervisor abandons it, whichever comes first."""
 
     RUNNING = 0
-    SETTLED = 1
+    COMPLETED = 1
     ABANDONED = 2
 
 
-RUNNING, SETTLED, ABANDONED = State.RUNNING, State.SETTLED, State.ABANDONED  # looked up once
+RUNNING, COMPLETED, ABANDONED = State.RUNNING, State.COMPLETED, State.ABANDONED  # looked up once
 
 
 class Attempt:
     """A node being run. A result that comes after the attempt was abandoned is dropped, by identity of this object.
 
-    `deadline` is on the monotonic clock, `world_deadline` on the world's (set when the node first touches the world);
+    `deadline` is on the monotonic clock, `cell_deadline` on the cell's (set when the node first touches the cell);
     `deadline_s` is what the node, or the `tool` it is calling, was allowed.
-    `world_wall_s` is wall time spent inside the world, so that the rest is what the robot would wait for computing.
+    `cell_wall_s` is wall time spent inside the cell, so that the rest is what the robot would wait for computing.
     """
 
     # Defaults live on the class: most attempts change few of them, and thousands are made.
-    started = ended = cancelled_at = world_wall_s = 0.0
-    deadline = world_deadline = math.inf
+    started = ended = cancelled_at = cell_wall_s = 0.0
+    deadline = cell_deadline = math.inf
     cancelled = tool = ""
-    apart = False  # looks at the world by itself, which therefore cannot wait for it
-    closing = False  # frees what it holds; it may look on until it is abandoned
+    reads_cell = False  # looks at the cell by itself, which therefore cannot wait for it
+    in_cleanup = False  # frees what it holds; it may look on until it is abandoned
     state = RUNNING
     value: Any = None
     error: BaseException | None = None
@@ -54,9 +69,8 @@ class Attempt:
     calls: list[tuple[str, float, dict[str, Any]]] | None = None
     finished: Event  # of a streaming node: its thread is over
 
-    def __init__(self, node: CompiledNode, frame: Frame) -> None:
-        self.id = next(frame.ids)
-        self.node, self.frame = node, frame
+    def __init__(self, number: int, node: CompiledNode, activation: Activation) -> None:
+        self.id, self.node, self.activation = number, node, activation
         self.deadline_s = node.deadline_s
 
     def begin(self, patience: float) -> None:
@@ -73,7 +87,7 @@ class Attempt:
 
     def check(self) -> None:
         """Raise `CancelledError`, or `ToolError` code `deadline`, where the node must not go on."""
-        if self.closing and self.cancelled and self.state is RUNNING:
+        if self.in_cleanup and self.cancelled and self.state is RUNNING:
             return
         if self.cancelled == DEADLINE:
             raise deadline_error(self)
@@ -84,18 +98,18 @@ class Attempt:
                 self.cancel(DEADLINE)
             raise deadline_error(self)
 
-    def settle(self, lock: Lock, value: Any, error: BaseException | None) -> bool:
+    def complete(self, lock: Lock, value: Any, error: BaseException | None) -> bool:
         """Record how it ended; False when it was abandoned before, and its result is dropped."""
         with lock:
             if self.state is not RUNNING:
                 return False
-            self.state = SETTLED
+            self.state = COMPLETED
         self.ended = monotonic()
         self.value, self.error = value, error
         return True
 
     def abandon(self, lock: Lock) -> bool:
-        """Give up on it; False when it settled before."""
+        """Give up on it; False when it was complete before."""
         with lock:
             if self.state is not RUNNING:
                 return False
@@ -110,9 +124,14 @@ class Attempt:
         return True
 
     @property
-    def keeps_pace(self) -> bool:
-        """True while the world may wait for this streaming node."""
-        return self.state is RUNNING and not self.cancelled and not self.apart
+    def path(self) -> str:
+        """Of its node."""
+        return self.node.path
+
+    @property
+    def paces_cell(self) -> bool:
+        """True while the cell may wait for this streaming node."""
+        return self.state is RUNNING and not self.cancelled and not self.reads_cell
 
     @property
     def stopped(self) -> bool:
@@ -121,8 +140,8 @@ class Attempt:
 
     @property
     def compute_s(self) -> float:
-        """Wall time it took outside the world: what the robot would have waited for."""
-        return max(0.0, self.ended - self.started - self.world_wall_s) if self.started and self.ended else 0.0
+        """Wall time it took outside the cell: what the robot would have waited for."""
+        return max(0.0, self.ended - self.started - self.cell_wall_s) if self.started and self.ended else 0.0
 
 
 def deadline_error(attempt: Attempt) -> ToolError:

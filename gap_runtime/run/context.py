@@ -1,16 +1,15 @@
-"""What a running node may reach: `NodeContext` is the tool context of the contracts, plus `tool` and `publish`."""
+"""Executes one node, and what it may reach while it runs: `NodeContext` is the context of tools and scripts."""
 
 from __future__ import annotations
 
 import math
-import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
-from typing import Any, Protocol
+from typing import Any
 
+from gap_runtime.contracts.access import enter_node, leave_node
 from gap_runtime.contracts.cell import Cell
 from gap_runtime.contracts.failures import (
     BadRequestError,
@@ -23,66 +22,10 @@ from gap_runtime.contracts.failures import (
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.task import Task
 from gap_runtime.graph.compiled import BoundCallable
-from gap_runtime.graph.values import require_finite
-from gap_runtime.run.attempt import Attempt
+from gap_runtime.graph.values import copy_containers, require_finite
+from gap_runtime.run.attempt import DEADLINE, Attempt, deadline_error
 from gap_runtime.run.guard import guarded_cell
-from gap_runtime.run.leases import Leases
-
-
-class ScriptRunner(Protocol):
-    """Runs untrusted code in a jail."""
-
-    def __call__(
-        self,
-        source_path: Path,
-        inputs: dict[str, Any],
-        call_tool: Callable[[str, dict[str, Any]], Any],
-        deadline_s: float,
-        *,
-        publish: Callable[[Any], None] | None = None,
-        check: Callable[[], None] | None = None,
-        robot: Callable[[int], RobotSpec] | None = None,
-        seed: int = 0,
-    ) -> Any:
-        """What the script's `run` returned. `call_tool`, `publish` and `robot` are served here; `check` raises to give
-        up."""
-
-
-class SharedStore:
-    """Things derived from models alone, made once per process. Two nodes that ask at once get one object."""
-
-    def __init__(self) -> None:
-        self._lock = threading.RLock()
-        self._made: dict[str, Any] = {}
-
-    def get(self, key: str, make: Callable[[], Any]) -> Any:
-        """The object made for `key`, made now if it is the first request."""
-        with self._lock:
-            if key not in self._made:
-                self._made[key] = make()
-            return self._made[key]
-
-
-SHARED = SharedStore()
-
-
-@dataclass
-class Services:
-    """What every node of one run shares. `settling` guards who decides how an attempt ended."""
-
-    callees: Mapping[str, BoundCallable]
-    cell: Cell | None
-    task: Task | None
-    robots: tuple[RobotSpec, ...]
-    seed: int
-    script_runner: ScriptRunner | None
-    shared: SharedStore
-    patience: float
-    record_calls: bool
-    lockstep: bool = False
-    state: dict[str, Any] = field(default_factory=dict)
-    leases: Leases = field(default_factory=Leases)
-    settling: threading.Lock = field(default_factory=threading.Lock)
+from gap_runtime.run.services import Services
 
 
 class NodeContext:
@@ -99,7 +42,7 @@ class NodeContext:
         """The cell, as far as this node may touch it. Raises `ToolError` code `no_cell` in a run without one."""
         if self._services.cell is None:
             raise ToolError("no_cell", "This run has no cell.", hint="Run it with one, or with --dry.")
-        self._attempt.apart = True
+        self._attempt.reads_cell = True
         if self._cell is None:
             self._cell = guarded_cell(self._services.cell, self._attempt, self._services.leases)
         return self._cell
@@ -143,20 +86,20 @@ class NodeContext:
     def publish(self, value: Any) -> None:
         """Make `value` the latest of this streaming node. Raises `BadRequestError` in any other node."""
         self._attempt.check()
-        stream = self._attempt.frame.streams.get(self._attempt.node.index)
+        stream = self._attempt.activation.streams.get(self._attempt.node.index)
         if not self._attempt.node.streaming or stream is None:
             raise BadRequestError("stream", f"{self._attempt.node.path} is not a streaming node")
         callee = self._attempt.node.callee
         stream.publish(callee.check_result(value, self._attempt.node.path) if callee else value)
 
     @contextmanager
-    def closing(self) -> Iterator[None]:
+    def cleanup(self) -> Iterator[None]:
         """Let a node that was told to stop call tools that move nothing, to free what it holds."""
-        self._attempt.closing = True
+        self._attempt.in_cleanup = True
         try:
             yield
         finally:
-            self._attempt.closing = False
+            self._attempt.in_cleanup = False
 
     def tool(self, name: str, /, **inputs: Any) -> Any:
         """Call a tool the skill may use; returns its bare value or a NamedTuple.
@@ -198,14 +141,62 @@ class NodeContext:
         return callee
 
 
+def execute_node(services: Services, attempt: Attempt) -> bool:
+    """Run the attempt to its end. False when it was abandoned meanwhile, and nothing it did counts."""
+    node = attempt.node
+    value: Any = None
+    error: BaseException | None = None
+    attempt.begin(services.patience)
+    token = enter_node(node.path)
+    try:
+        if attempt.cancelled:
+            attempt.check()
+        callee = node.callee
+        if callee is not None:
+            kwargs = attempt.inputs = inputs_of(attempt, callee)
+            if callee.effect != "pure":
+                claim(services, attempt, callee, kwargs)
+            if services.record_calls:
+                attempt.calls = []
+            context = NodeContext(services, attempt, callee.allowed) if callee.takes_context else None
+            value = callee.check_result(callee.invoke(context, kwargs), node.path)
+            if attempt.cancelled:
+                attempt.check()  # it went on after it was told to stop: what it returns does not count
+    except BaseException as problem:  # a node may raise anything, SystemExit included
+        error, value = problem, None
+        if attempt.cancelled == DEADLINE:  # whatever it said while it was being stopped
+            error = deadline_error(attempt)
+            error.__cause__ = problem
+    finally:
+        leave_node(token)
+    return attempt.complete(services.completing, value, error)
+
+
+def inputs_of(attempt: Attempt, callee: BoundCallable) -> dict[str, Any]:
+    """The node's inputs as its callee wants them. Raises `BadRequestError`, or what a stream has to say."""
+    node = attempt.node
+    kwargs = {name: copy_containers(value) for name, value in node.constants.items()} if node.constants else {}
+    for name, read, check in node.readers:
+        where = f"{node.path}.{name}"
+        kwargs[name] = check(read(attempt.activation, attempt), where)
+        require_finite(kwargs[name], where)
+    if attempt.extra:
+        kwargs |= checked(callee, {**kwargs, **attempt.extra}, node.path)
+    elif callee.required:
+        require_all(callee, kwargs, node.path)
+    return kwargs
+
+
 def call(services: Services, attempt: Attempt, callee: BoundCallable, inputs: Mapping[str, Any]) -> Any:
     """One tool call on behalf of a node: inputs checked, leases claimed, time bounded, output checked."""
     attempt.check()
-    if attempt.closing and callee.effect == "actuate":
-        raise ToolError("closing", f"{attempt.node.path} calls {callee.name} while it closes; nothing may move then.")
+    if attempt.in_cleanup and callee.effect == "actuate":
+        raise ToolError(
+            "cleanup", f"{attempt.node.path} calls {callee.name} while it cleans up; nothing may move then."
+        )
     kwargs = checked(callee, inputs, callee.name)
     claim(services, attempt, callee, kwargs)
-    outer = attempt.deadline, attempt.deadline_s, attempt.world_deadline, attempt.tool
+    outer = attempt.deadline, attempt.deadline_s, attempt.cell_deadline, attempt.tool
     _narrow(services, attempt, callee)
     start = monotonic()
     outcome: dict[str, Any] = {}
@@ -218,7 +209,7 @@ def call(services: Services, attempt: Attempt, callee: BoundCallable, inputs: Ma
         outcome = {"error": error}
         raise
     finally:
-        attempt.deadline, attempt.deadline_s, attempt.world_deadline, attempt.tool = outer
+        attempt.deadline, attempt.deadline_s, attempt.cell_deadline, attempt.tool = outer
         if attempt.calls is not None:
             data = {"tool": callee.name, "inputs": kwargs, "duration_s": monotonic() - start, **outcome}
             attempt.calls.append((callee.name, start, data))
@@ -275,6 +266,6 @@ def _narrow(services: Services, attempt: Attempt, callee: BoundCallable) -> None
         attempt.deadline, attempt.deadline_s, attempt.tool = deadline, callee.deadline_s, callee.name
     if services.cell is not None and callee.effect != "pure":
         now = services.cell.time
-        if attempt.world_deadline == math.inf and not attempt.node.streaming:
-            attempt.world_deadline = now + attempt.node.deadline_s
-        attempt.world_deadline = min(attempt.world_deadline, now + callee.deadline_s)
+        if attempt.cell_deadline == math.inf and not attempt.node.streaming:
+            attempt.cell_deadline = now + attempt.node.deadline_s
+        attempt.cell_deadline = min(attempt.cell_deadline, now + callee.deadline_s)

@@ -1,4 +1,4 @@
-"""Runs a graph through without a world: every output is made up from its type, every branch drawn from a seed."""
+"""Runs a graph through without a cell: every output is made up from its type, every branch drawn from a seed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 from gap_runtime.graph.compiled import BoundCallable, CompiledGraph, CompiledNode
 from gap_runtime.graph.values import Check
-from gap_runtime.run.placeholders import ANYTHING, synthesize
+from gap_runtime.run.placeholders import PLACEHOLDER, placeholder
 from gap_runtime.run.substitute import Mock, mocked, rebuilt
 
 COPIES = 2  # of a dynamic fan-out
@@ -17,11 +17,11 @@ Decision = tuple[tuple[str, ...], list[str]]
 
 
 def dry(graph: CompiledGraph, *, seed: int = 0) -> CompiledGraph:
-    """The graph with everything mocked. It needs no world, no jail and no model.
+    """The graph with everything mocked. It needs no cell, no jail and no model.
 
     A dry run shows that the graph holds together, not that it does anything.
     """
-    callees = {name: _lenient(mocked(c, _constant(_made_up(c)))) for name, c in graph.callees.items()}
+    callees = {name: _lenient(mocked(c, _constant(_placeholder_output(c)))) for name, c in graph.callees.items()}
 
     def new(node: CompiledNode, callee: BoundCallable) -> BoundCallable:
         rng = random.Random(f"{seed}/{node.path}")  # its own, so that parallel branches draw the same every time
@@ -42,17 +42,17 @@ def _mock(graph: CompiledGraph, node: CompiledNode, callee: BoundCallable, rng: 
         return lambda ctx, kwargs: _sends(graph, node)
 
     def mock(ctx: Any, kwargs: dict[str, Any]) -> Any:
-        made = _made_up(callee)
+        made = _placeholder_output(callee)
         return made if decision is None else _decided(callee, made, decision[0], rng.choice(decision[1]))
 
     return mock
 
 
-def _made_up(callee: BoundCallable) -> Any:
+def _placeholder_output(callee: BoundCallable) -> Any:
     if callee.output is not None:
         words = callee.choices.get("")
-        return words[0] if words else synthesize(callee.output)
-    made = {name: synthesize(ref) for name, ref in callee.fields.items()}
+        return words[0] if words else placeholder(callee.output)
+    made = {name: placeholder(ref) for name, ref in callee.fields.items()}
     return {**made, **{name: _as_type(callee, name, words[0]) for name, words in callee.choices.items()}} or None
 
 
@@ -84,7 +84,7 @@ def _sends(graph: CompiledGraph, router: CompiledNode) -> list[dict[str, Any]]:
     target = top.subgraph.nodes[min(t for ts in router.routes.targets.values() for t in ts)]
     known = {*target.constants, *(name for name, _, _ in target.readers)}
     wanted = [p for p in (target.callee.arguments if target.callee else ()) if p.required and p.name not in known]
-    return [{"to": target.name, "inputs": {p.name: synthesize(p.type) for p in wanted}} for _ in range(COPIES)]
+    return [{"to": target.name, "inputs": {p.name: placeholder(p.type) for p in wanted}} for _ in range(COPIES)]
 
 
 def _lenient(callee: BoundCallable) -> BoundCallable:
@@ -96,4 +96,4 @@ def _lenient_readers(node: CompiledNode) -> CompiledNode:
 
 
 def _accepting(check: Check) -> Check:
-    return lambda value, where: value if value is ANYTHING else check(value, where)
+    return lambda value, where: value if value is PLACEHOLDER else check(value, where)

@@ -26,13 +26,13 @@ EventKind = Literal[
 @dataclass(frozen=True)
 class Event:
     """One transition. `seq` orders them; `t` is monotonic seconds since the run began (never in canonical files);
-    `world_time` is world time [s] where known. `path` is `subgraph_node/node`, '' for the run. `data` is read-only."""
+    `cell_time` is cell time [s] where known. `path` is `subgraph_node/node`, '' for the run. `data` is read-only."""
 
     seq: int
     t: float
     kind: EventKind
     path: str
-    world_time: float | None = None
+    cell_time: float | None = None
     data: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -56,8 +56,8 @@ class Emitter:
         """Send one event. An observer that raises is dropped; if it is `essential` the run ends with its error."""
         if not self._observers:
             return
-        world_time = None if self._cell is None else self._cell.time
-        event = Event(self._seq, monotonic() - self._start, kind, path, world_time, MappingProxyType(data))
+        cell_time = None if self._cell is None else self._cell.time
+        event = Event(self._seq, monotonic() - self._start, kind, path, cell_time, MappingProxyType(data))
         self._seq += 1
         for observer in tuple(self._observers):
             try:

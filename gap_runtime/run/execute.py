@@ -13,11 +13,11 @@ from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.task import Task
 from gap_runtime.errors import ExecutionError
 from gap_runtime.graph.compiled import CompiledGraph
-from gap_runtime.run.context import SHARED, ScriptRunner, Services, SharedStore
 from gap_runtime.run.events import Emitter, Observer
-from gap_runtime.run.graph_run import CheckpointEvaluator, Course, Outcome, Status
+from gap_runtime.run.graph_run import CheckpointEvaluator, GraphRun, Outcome, Status
 from gap_runtime.run.pool import Pool, shared_pool
 from gap_runtime.run.scheduler import Scheduler
+from gap_runtime.run.services import SHARED, ScriptRunner, Services, SharedStore
 from gap_runtime.run.supervise import GRACE_S, Supervisor
 
 SIMULATED_PATIENCE = 20.0
@@ -27,16 +27,16 @@ SIMULATED_PATIENCE = 20.0
 class RunSetup:
     """Everything a run needs beside the graph.
 
-    robots             by arm_id; default: what the world's arms say they are.
+    robots             by arm_id; default: what the cell's arms say they are.
     script_runner      runs inline scripts (the jail); without one a graph that has any is refused.
     cancel             set it from anywhere to stop the run.
     budget_s           wall time the whole run may take; recovery_budget_s: each recovery.
-    world_budget_s     world time the whole run may take.
-    patience           how many wall seconds a node gets per second of its deadline. World time is always held to the
+    cell_budget_s     cell time the whole run may take.
+    patience           how many wall seconds a node gets per second of its deadline. Cell time is always held to the
                        deadline itself. Default: 1 for a cell with `real_time` and for none, else 20, because
                        a simulator on a busy machine is slow without the robot being late.
     grace_s            how long a node that was told to stop may take before its thread is abandoned.
-    lockstep           let siblings before a failed node (in order) finish, and world time wait for streaming nodes, so
+    lockstep           let siblings before a failed node (in order) finish, and cell time wait for streaming nodes, so
                        that neither failures nor what is published depend on timing; what rehearsals need.
     checkpoints        evaluates a subgraph's `validate` checkpoints at its exit; needed where the workflow's meta
                        says validate_checkpoints.
@@ -52,7 +52,7 @@ class RunSetup:
     cancel: threading.Event | None = None
     budget_s: float | None = None
     recovery_budget_s: float = 60.0
-    world_budget_s: float | None = None
+    cell_budget_s: float | None = None
     patience: float | None = None
     grace_s: float = GRACE_S
     lockstep: bool = False
@@ -70,7 +70,7 @@ class RunResult:
     `exits` are (subgraph node, exit value) in order. `failures` are every (node path, exception) on the way, those that
     a fallback made good included; `recovery_failures` those of an end's recovery. `failed_node` and `error` say what
     ended the run, '' after a success.
-    `compute_s` is wall time spent outside the world, parallel branches counted once: what a robot would have waited.
+    `compute_s` is wall time spent outside the cell, parallel branches counted once: what a robot would have waited.
     """
 
     status: Status
@@ -109,18 +109,18 @@ def run_graph(graph: CompiledGraph, setup: RunSetup, observers: Sequence[Observe
         setup.shared, _patience(setup), record_calls=bool(observers), lockstep=setup.lockstep,
     )  # fmt: skip
     checkpoints = setup.checkpoints if _enforces_checkpoints(graph) else None
-    course = Course(graph, services, emitter, checkpoints)
+    graph_run = GraphRun(graph, services, emitter, checkpoints)
     scheduler = Scheduler(
-        course, setup.pool or shared_pool(), lockstep=setup.lockstep, shuffle=setup.shuffle,
-        world_deadline=None if cell is None or setup.world_budget_s is None else cell.time + setup.world_budget_s,
+        graph_run, setup.pool or shared_pool(), lockstep=setup.lockstep, shuffle=setup.shuffle,
+        cell_deadline=None if cell is None or setup.cell_budget_s is None else cell.time + setup.cell_budget_s,
     )  # fmt: skip
     emitter.emit("run_started", "", graph=graph.name, seed=setup.seed)
     Supervisor(
         scheduler, cancel=setup.cancel, budget_s=setup.budget_s, recovery_budget_s=setup.recovery_budget_s,
         grace_s=setup.grace_s, heartbeat=setup.heartbeat,
     ).run()  # fmt: skip
-    _let_arms_finish(cell, course.outcome)
-    result = _result(course.outcome)
+    _let_arms_finish(cell, graph_run.outcome)
+    result = _result(graph_run.outcome)
     emitter.emit("run_finished", "", status=result.status, end=result.end, error=result.error)
     for error in emitter.essential_errors:
         raise error
@@ -133,7 +133,7 @@ def _let_arms_finish(cell: Cell | None, outcome: Outcome) -> None:
         try:
             arm.finish()
         except GapError as error:
-            outcome.note("", error)
+            outcome.record_failure("", error)
             outcome.status, outcome.failed_node, outcome.error = "error", "", str(error)
 
 

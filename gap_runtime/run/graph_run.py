@@ -10,10 +10,10 @@ from time import monotonic
 from typing import Any, Literal
 
 from gap_runtime.errors import ExecutionError
-from gap_runtime.graph.compiled import CompiledGraph, TopNode
-from gap_runtime.run.activation import Due, Frame
-from gap_runtime.run.context import Services
+from gap_runtime.graph.compiled import CompiledGraph, CompiledSubgraph, TopNode
+from gap_runtime.run.activation import ReadyQueue, SubgraphActivation
 from gap_runtime.run.events import Emitter
+from gap_runtime.run.services import Services
 from gap_runtime.run.streaming import Observations, stop_streaming
 from gap_runtime.safety.protective_stop import stop_arms
 
@@ -36,78 +36,78 @@ class Outcome:
     visits: dict[str, int] = field(default_factory=dict)
     compute_s: float = 0.0
 
-    def note(self, path: str, error: BaseException) -> None:
+    def record_failure(self, path: str, error: BaseException) -> None:
         """Something failed at `path`; the first to fail since a subgraph was entered is the one that is named."""
         self.failures.append((path, error))
         if not self.failed_node:
             self.failed_node, self.error = path, str(error) or type(error).__name__
 
 
-class Course:
-    """Frames by top-level index, and the values that flow between them by name."""
+class GraphRun:
+    """Activations by top-level index, and the values that flow between them by name."""
 
     def __init__(
         self, graph: CompiledGraph, services: Services, emitter: Emitter, checkpoints: CheckpointEvaluator | None
     ) -> None:
         self.graph, self.services, self.emitter = graph, services, emitter
         self.outcome = Outcome()
-        self.frames: dict[int, Frame] = {}
+        self.activations: dict[int, SubgraphActivation] = {}
         self.recovering = False
         self.recovery_began = 0.0
         self.over = Event()
         self._checkpoints, self._ids = checkpoints, count(1)
-        self._due = Due(graph.nodes)
-        self._due.reach(graph.entries)
+        self._queue = ReadyQueue(graph.nodes)
+        self._queue.activate(graph.entries)
         self._values: dict[str, tuple[int, Any]] = {}
         self._observations = Observations(services, graph.workflow.meta.get("observation_stream_hz", ""), graph.dry)
 
     @property
-    def has_due(self) -> bool:
+    def has_pending(self) -> bool:
         """True when a subgraph or an end was reached and not entered yet."""
-        return bool(self._due.pending)
+        return bool(self._queue.pending)
 
-    def in_order(self) -> list[Frame]:
-        """The frames, by name of their node."""
-        return [self.frames[i] for i in sorted(self.frames)] if len(self.frames) > 1 else list(self.frames.values())
+    def in_order(self) -> list[SubgraphActivation]:
+        """The activations, by name of their node."""
+        return [self.activations[i] for i in sorted(self.activations)]
 
-    def enter_due(self) -> None:
+    def enter_ready(self) -> None:
         """Enter every subgraph, or the end, that was reached and need not wait. Raises `ExecutionError`."""
-        pending = self._due.pending
+        pending = self._queue.pending
         failure = next((i for i in sorted(pending) if self.graph.nodes[i].status == "failure"), None)
         if failure is not None:  # a failure does not wait for what runs beside it
             self._end(self.graph.nodes[failure])
             return
-        ready = self._due.take(sum(1 << i for i in self.frames))
+        ready = self._queue.pop_ready(sum(1 << i for i in self.activations))
         subgraphs = [i for i in ready if self.graph.nodes[i].subgraph is not None]
         for index in subgraphs:
             self._enter(self.graph.nodes[index])
         ends = [i for i in ready if self.graph.nodes[i].subgraph is None]
-        if ends and not self.frames:
+        if ends and not self.activations:
             self._end(self.graph.nodes[ends[0]])
         else:
-            self._due.reach(ends)
+            self._queue.activate(ends)
 
     def finish_idle(self) -> None:
-        """Leave every frame with nothing left to run. Raises `ExecutionError` where the graph is stuck."""
-        idle = [f for f in self.in_order() if not f.due.pending]
-        if not idle and not self._due.pending:
+        """Leave every activation with nothing left to run. Raises `ExecutionError` where the graph is stuck."""
+        idle = [f for f in self.in_order() if not f.queue.pending]
+        if not idle and not self._queue.pending:
             raise ExecutionError("The graph came to a stop before it reached an end.", ())
-        for frame in idle:
-            if frame.top in self.frames:
-                self._finish(frame)
+        for activation in idle:
+            if activation.top in self.activations:
+                self._finish(activation)
 
-    def leave(self, frame: Frame, value: str, *, failed: bool) -> None:
-        """The frame is over with this exit value; plain edges are for success. Raises `ExecutionError` where nothing
-        follows."""
-        node = self.graph.nodes[frame.top]
-        outputs = {} if failed else frame.outputs()
-        self._drop(frame, value, outputs, failed=failed)
+    def leave(self, activation: SubgraphActivation, value: str, *, failed: bool) -> None:
+        """An activation is over with this exit value; plain edges are for success. Raises `ExecutionError` where
+        nothing follows."""
+        node = self.graph.nodes[activation.top]
+        outputs = {} if failed else activation.outputs()
+        self._drop(activation, value, outputs, failed=failed)
         for name, output in outputs.items():
             self._produce(node, name, output)
         targets = [*(() if failed else node.successors), *(node.routes.targets.get(value, ()) if node.routes else ())]
         if not targets:
             raise ExecutionError(f"{node.name} ended with {value!r}, which leads nowhere.", ())
-        self._due.reach(targets)
+        self._queue.activate(targets)
 
     def abort(self, status: Status, reason: str) -> None:
         """End the run here: `on_error` of what runs, then the failure end's recovery, then the end. Never twice."""
@@ -116,8 +116,8 @@ class Course:
         self.outcome.status, self.outcome.error = status, reason
         ends = [e for f in self.in_order() if (e := self._failure_end(f)) is not None]
         ends += [n for n in self.graph.nodes if n.status == "failure"]
-        for frame in self.in_order():
-            self._drop(frame, frame.subgraph.on_error, {}, failed=True)
+        for activation in self.in_order():
+            self._drop(activation, activation.subgraph.on_error, {}, failed=True)
         if self.recovering or not ends or self._stop_failed():
             self.close()
             return
@@ -133,9 +133,9 @@ class Course:
 
     def close(self) -> None:
         """Drop what is left and say that the run is over. Idempotent."""
-        for frame in self.in_order():
-            stop_streaming(self.services, frame)
-        self.frames.clear()
+        for activation in self.in_order():
+            stop_streaming(self.services, activation)
+        self.activations.clear()
         self._observations.close()
         self.over.set()
 
@@ -145,37 +145,50 @@ class Course:
         visit = self.outcome.visits[node.name] = self.outcome.visits.get(node.name, 0) + 1
         self._values = {k: v for k, v in self._values.items() if v[0] != node.index}  # a new pass, new outputs
         inputs = {name: self._values[name][1] for name in node.subgraph.inputs if name in self._values}
-        frame = Frame(node.index, node.name, node.subgraph, inputs, self._observations.stream, self._ids)
-        frame.ends_run = self._failure_end(frame) is not None
-        self.frames[node.index] = frame
+        activation = self._activate(node, node.subgraph, inputs)
+        activation.ends_run = self._failure_end(activation) is not None
         self.emitter.emit("subgraph_entered", node.name, inputs=inputs, visit=visit)
 
-    def _finish(self, frame: Frame) -> None:
-        if frame.subgraph.tolerant:
+    def _activate(self, node: TopNode, subgraph: CompiledSubgraph, inputs: dict[str, Any]) -> SubgraphActivation:
+        made = SubgraphActivation(node.index, node.name, subgraph, inputs, self._observations.stream, self._ids)
+        self.activations[node.index] = made
+        return made
+
+    def _finish(self, activation: SubgraphActivation) -> None:
+        if activation.subgraph.tolerant:
             self.close()
             return
         try:
-            value = frame.exit()
-            broken = self._checkpoints(frame.name, frame.subgraph.ref, value) if self._checkpoints else []
+            value = activation.exit()
+            broken = self._checkpoints(activation.name, activation.subgraph.ref, value) if self._checkpoints else []
             if broken:
-                raise ExecutionError(f"{frame.name} does not hold what it promised: {', '.join(broken)}.", ())
+                raise ExecutionError(f"{activation.name} does not hold what it promised: {', '.join(broken)}.", ())
         except Exception as error:
-            self.outcome.note(frame.name, error)
-            self.leave(frame, frame.subgraph.on_error, failed=True)
+            self.outcome.record_failure(activation.name, error)
+            self.leave(activation, activation.subgraph.on_error, failed=True)
         else:
-            self.leave(frame, value, failed=False)
+            self.leave(activation, value, failed=False)
 
-    def _drop(self, frame: Frame, value: str, outputs: dict[str, Any], *, failed: bool, stopped: bool = False) -> None:
-        """Forget the frame. One that was `stopped` by what happened beside it has not ended by any exit."""
-        streamers = stop_streaming(self.services, frame)
-        del self.frames[frame.top]
-        if frame.subgraph.tolerant:
+    def _drop(
+        self,
+        activation: SubgraphActivation,
+        value: str,
+        outputs: dict[str, Any],
+        *,
+        failed: bool,
+        stopped: bool = False,
+    ) -> None:
+        """Forget the activation. One that was `stopped` by what happened beside it has not ended by any exit."""
+        streamers = stop_streaming(self.services, activation)
+        del self.activations[activation.top]
+        if activation.subgraph.tolerant:
             return
         if not stopped:
-            self.outcome.exits.append((frame.name, value))
+            self.outcome.exits.append((activation.name, value))
         for attempt in streamers:
             self.emitter.attempt_ended(attempt)
-        self.emitter.emit("subgraph_exited", frame.name, exit=value, failed=failed, stopped=stopped, outputs=outputs)
+        ended = {"exit": value, "failed": failed, "stopped": stopped, "outputs": outputs}
+        self.emitter.emit("subgraph_exited", activation.name, **ended)
 
     def _produce(self, node: TopNode, name: str, value: Any) -> None:
         producer = self._values.get(name, (node.index, None))[0]
@@ -183,25 +196,25 @@ class Course:
             raise ExecutionError(f"{node.name} and {self.graph.nodes[producer].name} both produce {name!r}.", ())
         self._values[name] = (node.index, value)
 
-    def _failure_end(self, frame: Frame) -> TopNode | None:
-        routes = self.graph.nodes[frame.top].routes
-        targets = routes.targets.get(frame.subgraph.on_error, ()) if routes else ()
+    def _failure_end(self, activation: SubgraphActivation) -> TopNode | None:
+        routes = self.graph.nodes[activation.top].routes
+        targets = routes.targets.get(activation.subgraph.on_error, ()) if routes else ()
         return next((self.graph.nodes[t] for t in targets if self.graph.nodes[t].status == "failure"), None)
 
     def _end(self, node: TopNode) -> None:
         self.outcome.end, self.outcome.status = node.name, node.status or "success"
-        for frame in self.in_order():
-            self._drop(frame, frame.subgraph.on_error, {}, failed=True, stopped=True)
+        for activation in self.in_order():
+            self._drop(activation, activation.subgraph.on_error, {}, failed=True, stopped=True)
         self._recover(node)
 
     def _recover(self, node: TopNode) -> None:
-        self._due.pending.clear()
+        self._queue.pending.clear()
         if node.recovery is None:
             self.close()
             return
         self.recovering, self.recovery_began = True, monotonic()
         self.emitter.emit("recovery_started", node.name)
-        self.frames[node.index] = Frame(node.index, node.name, node.recovery, {}, self._observations.stream, self._ids)
+        self._activate(node, node.recovery, {})
 
     def _stop_failed(self) -> bool:
         problems = stop_arms(self.services.cell)

@@ -27,8 +27,8 @@ class _AnyCell(Simulator, LockstepCell, Protocol):
 
 def guarded_cell(cell: Cell, attempt: Attempt, leases: Leases) -> Cell:
     """The cell for one attempt. What a robot could not do (`reset`, `snapshot`) raises `PrivilegedReadError`."""
-    if attempt.world_deadline == math.inf and not attempt.node.streaming:
-        attempt.world_deadline = cell.time + attempt.deadline_s
+    if attempt.cell_deadline == math.inf and not attempt.node.streaming:
+        attempt.cell_deadline = cell.time + attempt.deadline_s
     return cast(Cell, _wrap(cell, _AnyCell, Guard(cell, attempt, leases), {}))
 
 
@@ -54,9 +54,9 @@ class Guard:
         try:
             yield
         finally:
-            attempt.world_wall_s += monotonic() - start
+            attempt.cell_wall_s += monotonic() - start
         attempt.check()
-        if self._cell.time > attempt.world_deadline:
+        if self._cell.time > attempt.cell_deadline:
             raise deadline_error(attempt)
 
     def privileged(self, what: str) -> PrivilegedReadError:

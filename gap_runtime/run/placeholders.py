@@ -1,4 +1,4 @@
-"""Makes up values of any contract type, so that a graph can be run through without a world."""
+"""Makes up values of any contract type, so that a graph can be run through without a cell."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from gap_runtime.contracts.encoding.codec import from_plain
 from gap_runtime.contracts.types.typeref import TypeRef
 
 
-class Anything:
+class Placeholder:
     """Stands for a value of type `any`: whatever is read from it is again anything."""
 
-    def __getattr__(self, name: str) -> Anything:
+    def __getattr__(self, name: str) -> Placeholder:
         if name.startswith("__"):
             raise AttributeError(name)
         return self
 
-    def __getitem__(self, key: object) -> Anything:
+    def __getitem__(self, key: object) -> Placeholder:
         return self
 
     def __repr__(self) -> str:
         return "anything"
 
 
-ANYTHING = Anything()
-_SCALARS: dict[str, Any] = {"float": 0.5, "int": 1, "bool": True, "string": "dry", "any": ANYTHING}
+PLACEHOLDER = Placeholder()
+_SCALARS: dict[str, Any] = {"float": 0.5, "int": 1, "bool": True, "string": "dry", "any": PLACEHOLDER}
 _ARRAYS: dict[type, dict[str, Any]] = {
     t.Image: {"data": np.zeros((4, 6, 3), np.uint8)},
     t.DepthImage: {"data": np.ones((4, 6), np.float32)},
@@ -42,7 +42,7 @@ _ARRAYS: dict[type, dict[str, Any]] = {
 }
 
 
-def synthesize(ref: TypeRef) -> Any:
+def placeholder(ref: TypeRef) -> Any:
     """A plausible value of type `ref`: one item in a list, unit rotations, a few points."""
     value = _one(TypeRef(ref.name))
     return [value] if ref.is_list else value
@@ -59,7 +59,7 @@ def _one(ref: TypeRef) -> Any:
     hints = typing.get_type_hints(cls, include_extras=True)
     for field in fields(cls):
         if field.name not in given and _is_required(field):
-            value = synthesize(TypeRef.of(hints[field.name]))
+            value = placeholder(TypeRef.of(hints[field.name]))
             given[field.name] = tuple(value) if isinstance(value, list) else value
     return from_plain(cls(**given), ref)
 

@@ -13,24 +13,24 @@ from gap_runtime.contracts.failures import CancelledError, ToolError
 from gap_runtime.contracts.tool import OBSERVED
 from gap_runtime.contracts.types.typeref import TypeRef
 from gap_runtime.graph.compiled import BoundCallable
-from gap_runtime.run.activation import Frame
+from gap_runtime.run.activation import SubgraphActivation
 from gap_runtime.run.attempt import Attempt
-from gap_runtime.run.context import NodeContext, Services, claim
-from gap_runtime.run.perform import inputs_of
-from gap_runtime.run.placeholders import synthesize
-from gap_runtime.run.streams import Feed, Stream
+from gap_runtime.run.context import NodeContext, claim, inputs_of
+from gap_runtime.run.placeholders import placeholder
+from gap_runtime.run.services import Services
+from gap_runtime.run.streams import Stream, StreamReader
 
 ENDING_S = 1.0
 DEFAULT_HZ = 10.0
 KEPT = 4
-FIRST_S = 60.0  # of wall time it waits for what a streaming node publishes first, and
-READERS_S = 60.0  # of wall time a rehearsal's world waits for a streaming node
+FIRST_S = 60.0  # of wall time to wait for what a streaming node publishes first
+READERS_S = 60.0  # of wall time that the cell of a rehearsal waits for a streaming node
 
 
 class Observations:
-    """What `in.observation_stream` reads: the world's sensors at `hz` of world time, from the first reader on.
+    """What `in.observation_stream` reads: the cell's sensors at `hz` of cell time, from the first reader on.
 
-    What was taken last is kept in the episode's `state`, for tools that are handed only an image of it.
+    What was read last is kept in the episode's `state`, for tools that are handed only an image of it.
     """
 
     def __init__(self, services: Services, hz: str, dry: bool) -> None:
@@ -41,7 +41,7 @@ class Observations:
         self._unsubscribe: Callable[[], None] = lambda: None
 
     def stream(self) -> Stream:
-        """The stream, subscribed now if it is the first request. Raises `ToolError` in a run without a world."""
+        """The stream, subscribed now if it is the first request. Raises `ToolError` in a run without a cell."""
         if self._cell is None and not self._dry:
             raise ToolError("no_cell", "This run has no cell to observe.")
         with self._lock:
@@ -49,7 +49,7 @@ class Observations:
                 taken = self._state.setdefault(OBSERVED, deque(maxlen=KEPT))
                 stream = self._stream = Stream("in.observation_stream", taken.append)
                 if self._cell is None:
-                    stream.publish(synthesize(TypeRef("Observation")))
+                    stream.publish(placeholder(TypeRef("Observation")))
                     return stream
                 self._unsubscribe = self._cell.subscribe(
                     lambda f: self._offer(stream, f), self._hz, self._cell.camera_names
@@ -57,9 +57,9 @@ class Observations:
                 stream.publish(self._cell.observe())
             return self._stream
 
-    def _offer(self, stream: Stream, frame: CellFrame) -> None:
+    def _offer(self, stream: Stream, activation: CellFrame) -> None:
         if not stream.closed:
-            stream.publish(frame.observation)
+            stream.publish(activation.observation)
             stream.wait_for_readers(self._waiting_s)
 
     def close(self) -> None:
@@ -71,11 +71,11 @@ class Observations:
 
 
 def start_streaming(services: Services, attempt: Attempt, on_error: Callable[[Attempt], None]) -> None:
-    """Spawn a streaming node; its frame ends it. In lockstep it has published, or ended, before anything else runs."""
-    frame, node = attempt.frame, attempt.node
+    """Spawn a streaming node. In lockstep it has published, or ended, before anything else runs."""
+    activation, node = attempt.activation, attempt.node
     stream = Stream(node.path)
-    frame.streams[node.index] = stream
-    frame.streamers.append(attempt)
+    activation.streams[node.index] = stream
+    activation.streamers.append(attempt)
     attempt.finished = threading.Event()
     threading.Thread(
         target=_stream_node, args=(services, attempt, stream, on_error), name=f"gap-{node.path}", daemon=True
@@ -84,17 +84,17 @@ def start_streaming(services: Services, attempt: Attempt, on_error: Callable[[At
         stream.wait_for_first(FIRST_S)
 
 
-def stop_streaming(services: Services, frame: Frame) -> list[Attempt]:
-    """Tell the frame's streaming nodes to stop, wait a little, give up on the rest; what each held is free again."""
-    streamers, frame.streamers = frame.streamers, []
+def stop_streaming(services: Services, activation: SubgraphActivation) -> list[Attempt]:
+    """Tell the streaming nodes to stop, wait a little, abandon the rest; what each held is free again."""
+    streamers, activation.streamers = activation.streamers, []
     for attempt in streamers:
         attempt.cancel("the subgraph has ended")
-    for stream in frame.streams.values():
+    for stream in activation.streams.values():
         stream.close()
     limit = monotonic() + ENDING_S
     for attempt in streamers:
         attempt.finished.wait(max(0.0, limit - monotonic()))
-        attempt.abandon(services.settling)
+        attempt.abandon(services.completing)
         services.leases.release(attempt)
     return streamers
 
@@ -110,7 +110,7 @@ def _stream_node(services: Services, attempt: Attempt, stream: Stream, on_error:
         error = None if attempt.cancelled and isinstance(problem, CancelledError) else problem
     finally:
         leave_node(token)
-    settled = attempt.settle(services.settling, None, error)
+    settled = attempt.complete(services.completing, None, error)
     stream.close()
     attempt.finished.set()
     if settled and error is not None:
@@ -119,7 +119,7 @@ def _stream_node(services: Services, attempt: Attempt, stream: Stream, on_error:
 
 def _produce(services: Services, attempt: Attempt, callee: BoundCallable, stream: Stream) -> None:
     """Run the callee: it publishes by itself, yields items, or returns one item per call and is called again."""
-    news: Feed | None = None
+    observations: StreamReader | None = None
     while True:
         kwargs = inputs_of(attempt, callee)
         claim(services, attempt, callee, kwargs)
@@ -139,5 +139,7 @@ def _produce(services: Services, attempt: Attempt, callee: BoundCallable, stream
             attempt.finished.wait(1.0 / DEFAULT_HZ)
             attempt.check()
             continue
-        news = news or attempt.frame.observations().reader(attempt, attempt.frame.observations().count)
-        news.next()  # a node that is polled would only repeat itself before the world has shown something new
+        if observations is None:
+            source = attempt.activation.observations()
+            observations = source.reader(attempt, source.count)
+        observations.next()  # a node that is polled would only repeat itself before the cell has shown something new

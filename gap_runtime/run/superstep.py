@@ -9,15 +9,15 @@ from collections.abc import Sequence
 
 from gap_runtime.contracts.failures import CancelledError, ToolError
 from gap_runtime.run.attempt import RUNNING, Attempt
-from gap_runtime.run.context import Services
-from gap_runtime.run.perform import perform
+from gap_runtime.run.context import execute_node
 from gap_runtime.run.pool import Pool
+from gap_runtime.run.services import Services
 
 SIBLING = "another branch failed"
 
 
-class Abandoned(BaseException):
-    """This thread was given up on while it ran a node; another has taken over the graph."""
+class ThreadAbandoned(BaseException):
+    """This thread was abandoned while it ran a node; another has taken over the graph."""
 
 
 class SuperStep:
@@ -30,21 +30,21 @@ class SuperStep:
         self.current: Attempt | None = None
 
     def run(self, services: Services, pool: Pool) -> None:
-        """Run what is left of it. Raises `Abandoned` on a thread that was given up."""
+        """Run what is left of it. Raises `ThreadAbandoned` on a thread that was abandoned."""
         attempt = self.attempts[0]
         if attempt.state is RUNNING:
-            self.perform_here(services, attempt)
+            self.execute_here(services, attempt)
 
-    def perform_here(self, services: Services, attempt: Attempt) -> None:
-        """Run one attempt on the scheduler's own thread. Raises `Abandoned` on a thread that was given up."""
+    def execute_here(self, services: Services, attempt: Attempt) -> None:
+        """Run one attempt on the scheduler's own thread. Raises `ThreadAbandoned` on a thread that was abandoned."""
         self.current = attempt
-        if not perform(services, attempt):
-            raise Abandoned
+        if not execute_node(services, attempt):
+            raise ThreadAbandoned
         self.current = None
 
-    def give_up(self, services: Services, attempt: Attempt) -> bool:
+    def abandon(self, services: Services, attempt: Attempt) -> bool:
         """Abandon an attempt that does not stop; False when it ended meanwhile."""
-        return attempt.abandon(services.settling)
+        return attempt.abandon(services.completing)
 
     def cancel(self, why: str) -> None:
         """Tell everything in this step to stop."""
@@ -58,7 +58,7 @@ class SuperStep:
             if _related(failed, attempt) and attempt.state is RUNNING:
                 attempt.cancel(SIBLING)
 
-    def overrule(self) -> None:
+    def cancel_after_failure(self) -> None:
         """Once all has ended: where it must not depend on timing, what a failure would have stopped did not happen."""
 
     def _after(self, failed: Attempt) -> list[Attempt]:
@@ -68,49 +68,49 @@ class SuperStep:
 class ParallelStep(SuperStep):
     """A step of several nodes.
 
-    Movers run alone and after all others, in sorted order, so that the world does not depend on timing. With
+    Movers run alone and after all others, in sorted order, so that the cell does not depend on timing. With
     `lockstep`, a failure lets the siblings before it finish: the first failure by order is then the same every time.
     """
 
-    __slots__ = ("_done", "_lockstep", "_movers", "_open", "_submitted", "_watchers")
+    __slots__ = ("_actuating", "_done", "_lockstep", "_open", "_sensing", "_submitted")
 
     def __init__(self, attempts: list[Attempt], *, lockstep: bool, shuffle: random.Random | None) -> None:
         super().__init__(attempts)
         self._lockstep = lockstep
         self._done: queue.SimpleQueue[Attempt] = queue.SimpleQueue()
-        watchers = [a for a in attempts if a.node.effect != "actuate"]
+        sensing = [a for a in attempts if a.node.effect != "actuate"]
         if shuffle is not None:
-            shuffle.shuffle(watchers)
-        self._watchers = deque(watchers)
-        self._movers = deque(a for a in attempts if a.node.effect == "actuate")
-        self._open = len(watchers)
+            shuffle.shuffle(sensing)
+        self._sensing = deque(sensing)
+        self._actuating = deque(a for a in attempts if a.node.effect == "actuate")
+        self._open = len(sensing)
         self._submitted = False
 
     def run(self, services: Services, pool: Pool) -> None:
-        """Run what is left of it. Raises `Abandoned` on a thread that was given up."""
+        """Run what is left of it. Raises `ThreadAbandoned` on a thread that was abandoned."""
         if not self._submitted:
             self._submitted = True
-            for attempt in refuse_conflicts(self._movers):
+            for attempt in refuse_conflicts(self._actuating):
                 self.cancel_siblings(attempt)
             for _ in range(self._open - 1):
                 pool.submit(lambda: self._run_one(services))
         while (watcher := self._next()) is not None:  # this thread helps, as long as some have no thread yet
-            self.perform_here(services, watcher)
+            self.execute_here(services, watcher)
             self._ended(watcher)
         while self._open:
             self._done.get()
             self._open -= 1
-        while self._movers:
-            mover = self._movers.popleft()
+        while self._actuating:
+            mover = self._actuating.popleft()
             if mover.state is RUNNING and not mover.cancelled and mover.error is None:
-                self.perform_here(services, mover)
+                self.execute_here(services, mover)
                 services.leases.yield_clock(mover)
                 if mover.error is not None:
                     self.cancel_siblings(mover)
 
-    def give_up(self, services: Services, attempt: Attempt) -> bool:
+    def abandon(self, services: Services, attempt: Attempt) -> bool:
         """Abandon an attempt that does not stop; False when it ended meanwhile."""
-        if not super().give_up(services, attempt):
+        if not super().abandon(services, attempt):
             return False
         if attempt.node.effect == "actuate":
             services.leases.yield_clock(attempt)
@@ -119,26 +119,26 @@ class ParallelStep(SuperStep):
             self._ended(attempt)
         return True
 
-    def overrule(self) -> None:
+    def cancel_after_failure(self) -> None:
         """In lockstep, a watcher behind one that failed counts as stopped, even if it had ended by then."""
-        watchers = [a for a in self.attempts if a.node.effect != "actuate"] if self._lockstep else []
-        for i, failed in enumerate(watchers):
+        sensing = [a for a in self.attempts if a.node.effect != "actuate"] if self._lockstep else []
+        for i, failed in enumerate(sensing):
             if failed.error is None or failed.stopped:
                 continue
-            for attempt in watchers[i + 1 :]:
+            for attempt in sensing[i + 1 :]:
                 if _related(failed, attempt):
                     attempt.cancelled = SIBLING
                     attempt.error = CancelledError(f"{attempt.node.path} was told to stop: {SIBLING}.")
 
     def _next(self) -> Attempt | None:
         try:
-            return self._watchers.popleft()
+            return self._sensing.popleft()
         except IndexError:
             return None
 
     def _run_one(self, services: Services) -> None:
         attempt = self._next()
-        if attempt is not None and perform(services, attempt):
+        if attempt is not None and execute_node(services, attempt):
             self._ended(attempt)
 
     def _ended(self, attempt: Attempt) -> None:
@@ -154,14 +154,14 @@ class ParallelStep(SuperStep):
 
 def _related(failed: Attempt, attempt: Attempt) -> bool:
     """True when the second does not go on once the first has failed."""
-    return attempt is not failed and (failed.frame.ends_run or attempt.frame is failed.frame)
+    return attempt is not failed and (failed.activation.ends_run or attempt.activation is failed.activation)
 
 
-def refuse_conflicts(movers: Sequence[Attempt]) -> list[Attempt]:
+def refuse_conflicts(actuating: Sequence[Attempt]) -> list[Attempt]:
     """Fail, before anything moves, every attempt that would hold what another of the same step holds."""
     refused = []
-    for attempt in movers if len(movers) > 1 else ():
-        for other in movers:
+    for attempt in actuating if len(actuating) > 1 else ():
+        for other in actuating:
             both = sorted(set(attempt.node.resources) & set(other.node.resources))
             if other is not attempt and both and attempt.error is None:
                 attempt.error = ToolError(

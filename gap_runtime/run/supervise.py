@@ -33,7 +33,7 @@ class Supervisor:
         grace_s: float,
         heartbeat: Callable[[], None] | None,
     ) -> None:
-        self._scheduler, self._course = scheduler, scheduler.course
+        self._scheduler, self._graph_run = scheduler, scheduler.graph_run
         self._cancel, self._heartbeat = cancel, heartbeat
         self._grace_s, self._recovery_budget_s = grace_s, recovery_budget_s
         self._end = None if budget_s is None else monotonic() + budget_s
@@ -44,9 +44,9 @@ class Supervisor:
     def run(self) -> None:
         """Until the run is over. A first Ctrl-C cancels the run, a second one its recovery."""
         self._start_runner()
-        while not self._course.over.is_set():
+        while not self._graph_run.over.is_set():
             try:
-                while not self._course.over.wait(TICK_S):
+                while not self._graph_run.over.wait(TICK_S):
                     self._tick()
             except KeyboardInterrupt:
                 self._interrupts += 1  # acted upon in the next tick, where another one cannot get in between
@@ -73,8 +73,8 @@ class Supervisor:
                 self._stop("cancelled", "Cancelled.")
             elif self._end is not None and now > self._end:
                 self._stop("error", f"The run took longer than its {self._budget_s:g} s.")
-        if self._course.recovering and now > self._course.recovery_began + self._recovery_budget_s:
-            self._hurry()
+        if self._graph_run.recovering and now > self._graph_run.recovery_began + self._recovery_budget_s:
+            self._skip_recovery()
         step = self._scheduler.step
         if step is not None:
             for attempt in step.attempts:
@@ -89,14 +89,14 @@ class Supervisor:
             if attempt.node.effect == "actuate" and (attempt.cancelled or late <= TICK_S * 2):
                 stop_arms(self._scheduler.services.cell)
         elif attempt.cancelled and now > attempt.cancelled_at + self._grace_s:
-            self._give_up(attempt)
+            self._abandon(attempt)
 
-    def _give_up(self, attempt: Attempt) -> None:
+    def _abandon(self, attempt: Attempt) -> None:
         scheduler, step = self._scheduler, self._scheduler.step
         if step is None:
             return
         inline = step.current is attempt
-        if not step.give_up(scheduler.services, attempt):
+        if not step.abandon(scheduler.services, attempt):
             return
         stop_arms(scheduler.services.cell)
         if inline:
@@ -107,18 +107,18 @@ class Supervisor:
     def _stop(self, status: Status, reason: str) -> None:
         scheduler = self._scheduler
         if scheduler.stopping is not None:
-            self._hurry()
+            self._skip_recovery()
             return
         scheduler.stopping = (status, reason)
-        if not self._course.recovering:
-            self._halt(reason)
+        if not self._graph_run.recovering:
+            self._stop_step(reason)
 
-    def _hurry(self) -> None:
-        if not self._scheduler.hurry:
-            self._scheduler.hurry = True
-            self._halt("the recovery is cut short")
+    def _skip_recovery(self) -> None:
+        if not self._scheduler.skip_recovery:
+            self._scheduler.skip_recovery = True
+            self._stop_step("the recovery is cut short")
 
-    def _halt(self, reason: str) -> None:
+    def _stop_step(self, reason: str) -> None:
         step = self._scheduler.step
         if step is not None:
             step.cancel(reason)

@@ -43,13 +43,6 @@ LAYER = {
 FOUNDATIONS = {"gap_runtime.errors", "gap_runtime.hookspecs", "gap_runtime.__version__", "gap_cli.__version__"}
 # Modules that import each other, type-only imports included. Who breaks a circle removes its names here.
 IN_A_CIRCLE = (
-    "gap_runtime.graph.compiled",
-    "gap_runtime.run.activation",
-    "gap_runtime.run.attempt",
-    "gap_runtime.run.context",
-    "gap_runtime.run.guard",
-    "gap_runtime.run.leases",
-    "gap_runtime.run.streams",
     "gap_mujoco.control.contact_reaction",
     "gap_mujoco.control.joint_controller",
     "gap_mujoco.control.trajectory_follower",

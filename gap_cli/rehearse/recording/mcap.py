@@ -71,7 +71,7 @@ class McapRecorder:
 
     def on_event(self, event: Event) -> None:
         """Record a transition of the graph."""
-        self._time = event.world_time if event.world_time is not None else self._time
+        self._time = event.cell_time if event.cell_time is not None else self._time
         when = _ns(self._time)
         data = _plain(event.data)
         message = {"seq": event.seq, "kind": event.kind, "path": event.path, "data": data}

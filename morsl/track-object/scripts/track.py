@@ -48,5 +48,5 @@ def picture(frame: Observation, index: int) -> Any:
 
 def close(ctx: ScriptContext, tracker_id: str) -> None:
     """Free the tracker, also when told to stop; one that was given up on is freed with its episode."""
-    with suppress(CancelledError), ctx.closing():
+    with suppress(CancelledError), ctx.cleanup():
         ctx.tool("sam3_tracker.CloseTracker", tracker_id=tracker_id)

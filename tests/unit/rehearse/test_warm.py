@@ -24,7 +24,7 @@ def test_only_the_plugins_in_use_are_prepared():
 
 def test_what_is_prepared_is_what_nodes_find():
     from gap_cli.rehearse.warm import ModelContext
-    from gap_runtime.run.context import SHARED
+    from gap_runtime.run.services import SHARED
 
     made = ModelContext(None, ()).shared("test.warm", object)
     assert SHARED.get("test.warm", object) is made

@@ -662,7 +662,7 @@ def test_c14_an_arm_that_cannot_be_stopped_is_not_recovered_when_time_is_up_eith
         {"a": node("Move"), "b": node("Nothing")}, [("START", "a"), ("a", "b"), ("b", "done")],
         recovery=[{"tool": "fake.Move"}],
     )  # fmt: skip
-    result = run_fake(w, cell=world, world_budget_s=0.5)
+    result = run_fake(w, cell=world, cell_budget_s=0.5)
     assert result.status == "error" and "by hand" in str(result.causes[-1])
     assert world.arms[0].commands == ["execute"]
 
@@ -757,7 +757,7 @@ def test_c18_graphs_side_by_side_in_one_process_do_not_know_of_each_other():
     def one(i):
         seen = []
         run_graph(graph, RunSetup(cell=FakeCell(), seed=i), [seen.append])
-        results[i] = [(e.seq, e.kind, e.path, e.world_time, e.data.get("output"), e.data.get("attempt")) for e in seen]
+        results[i] = [(e.seq, e.kind, e.path, e.cell_time, e.data.get("output"), e.data.get("attempt")) for e in seen]
 
     threads = [threading.Thread(target=one, args=(i,)) for i in range(8)]
     for t in threads:

@@ -10,8 +10,8 @@ import pytest
 
 from gap_runtime.contracts.failures import PrivilegedReadError, UnknownNameError
 from gap_runtime.contracts.tool import ToolContext, tool
-from gap_runtime.run.context import SharedStore
 from gap_runtime.run.execute import RunSetup, run_graph
+from gap_runtime.run.services import SharedStore
 from gap_runtime.testing import FAKE_ROBOT, FakeCell, compile_fake, fake_workflow, run_fake
 
 

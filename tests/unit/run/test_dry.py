@@ -9,20 +9,20 @@ from gap_runtime.contracts.types import CONTRACT_TYPES
 from gap_runtime.contracts.types.typeref import TypeRef
 from gap_runtime.run.dry import dry
 from gap_runtime.run.execute import RunSetup, run_graph
-from gap_runtime.run.placeholders import ANYTHING, synthesize
+from gap_runtime.run.placeholders import PLACEHOLDER, placeholder
 from gap_runtime.testing import compile_fake, fake_workflow
 
 
 @pytest.mark.parametrize("name", sorted(CONTRACT_TYPES))
 def test_every_contract_type_can_be_made_up_and_survives_the_codec(name):
-    value = synthesize(TypeRef(name))
+    value = placeholder(TypeRef(name))
     assert isinstance(value, CONTRACT_TYPES[name])
     assert from_plain(to_plain(value), TypeRef(name)) == value
 
 
 def test_lists_have_an_item_and_anything_stays_anything():
-    assert len(synthesize(TypeRef("Mask", is_list=True))) == 1
-    assert ANYTHING.a.b[3] is ANYTHING
+    assert len(placeholder(TypeRef("Mask", is_list=True))) == 1
+    assert PLACEHOLDER.a.b[3] is PLACEHOLDER
 
 
 def ref(text):

@@ -363,7 +363,7 @@ def test_a_run_out_of_world_time_ends_at_the_next_step():
         {"a": tool("Move", duration=2.0), "b": tool("Move", duration=2.0)}, [("START", "a"), ("a", "b"), ("b", "done")]
     )
     world = FakeCell()
-    result = run_fake(w, cell=world, world_budget_s=1.0)
+    result = run_fake(w, cell=world, cell_budget_s=1.0)
     assert result.status == "error" and "time is up" in result.error
     assert world.arms[0].commands == ["execute"]
 

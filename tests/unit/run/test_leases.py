@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import pytest
 
 from gap_runtime.contracts.failures import ToolError
@@ -16,8 +14,7 @@ def holder(name):
 
 class SimpleAttempt:
     def __init__(self, name):
-        self.node = SimpleNamespace(path=name)
-        self.id = name
+        self.path = self.id = name
 
 
 A, B = holder("a"), holder("b")

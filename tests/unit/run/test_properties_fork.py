@@ -194,7 +194,7 @@ def outcome(graph, seed, schedule):
     setup = RunSetup(cell=world, seed=seed, lockstep=True, shuffle=rng, pool=Pool(rng.randint(1, 4)))
     result = run_graph(graph, setup, [seen.append])
     head = (result.status, result.end, result.exits, result.failed_node, result.error, world.time, result.visits)
-    story = [(e.kind, e.path, e.world_time, repr(e.data.get("output"))) for e in seen]
+    story = [(e.kind, e.path, e.cell_time, repr(e.data.get("output"))) for e in seen]
     return head, story
 
 

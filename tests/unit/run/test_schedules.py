@@ -164,7 +164,7 @@ def outcome(graph, schedule):
     )
     if result.failed_node:  # siblings behind the failed one may or may not have finished
         return head
-    return head, [(e.kind, e.path, e.world_time, repr(e.data.get("output")), e.data.get("attempt")) for e in seen]
+    return head, [(e.kind, e.path, e.cell_time, repr(e.data.get("output")), e.data.get("attempt")) for e in seen]
 
 
 @given(st.integers(0, 2**32))

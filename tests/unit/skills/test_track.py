@@ -51,7 +51,7 @@ def stage(present=True):
         sam3_tracker__CloseTracker=lambda tracker_id: None,
     )
     made.raise_if_cancelled = lambda: None
-    made.closing = nullcontext
+    made.cleanup = nullcontext
     return made
 
 

@@ -22,9 +22,9 @@ def run(ctx) -> Iterator[int]:
     finally:
         {}
 """
-CLOSES = "with ctx.closing():\n            ctx.tool('fake.Free')"
+CLOSES = "with ctx.cleanup():\n            ctx.tool('fake.Free')"
 FORGETS = "ctx.tool('fake.Free')"
-MOVES = "with ctx.closing():\n            ctx.tool('fake.' + 'Move', to=[1.0])\n            ctx.tool('fake.Free')"
+MOVES = "with ctx.cleanup():\n            ctx.tool('fake.' + 'Move', to=[1.0])\n            ctx.tool('fake.Free')"
 HELD: set[str] = set()
 
 
@@ -66,7 +66,7 @@ def test_what_a_stream_holds_is_free_when_its_subgraph_is_left(run, consumer):
     assert not HELD
 
 
-def test_outside_closing_a_stopped_stream_may_call_nothing(run):
+def test_outside_cleanup_a_stopped_stream_may_call_nothing(run):
     run(FORGETS)
     assert HELD
 
