@@ -24,8 +24,13 @@ def gap_register_skills(register: Register) -> None:
 
 
 @hookspec
+def gap_register_contracts(register: Register) -> None:
+    """register(request): a `gap_runtime.contracts.tool.ToolRequest` class, a contract that providers may serve."""
+
+
+@hookspec
 def gap_register_tools(register: Register) -> None:
-    """register(function): a function decorated with `gap_runtime.contracts.tool.tool`."""
+    """register(tool): a function decorated with `serves` or `tool` of `gap_runtime.contracts.tool`."""
 
 
 @hookspec

@@ -8,7 +8,7 @@ import io
 import logging
 import os
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import metadata
 from pathlib import Path
@@ -19,11 +19,12 @@ import pluggy
 from gap_runtime import hookspecs
 from gap_runtime.contracts.policy import policy_tool
 from gap_runtime.contracts.robot import RobotSpec
-from gap_runtime.contracts.tool import Tool
+from gap_runtime.contracts.tool import Tool, ToolSpec
 from gap_runtime.errors import GapError, PluginError, UnknownNameError
 
 GROUP = "gap"
 FIRST_PARTY = (
+    "gap_catalogue",
     "gap_mujoco",
     "gap_robots",
     "gap_motion",
@@ -76,6 +77,7 @@ class Registry:
 
     plugins: dict[str, Plugin] = field(default_factory=dict)
     broken: dict[str, str] = field(default_factory=dict)
+    contracts: dict[str, ToolSpec] = field(default_factory=dict)
     providers: dict[str, dict[str, Tool]] = field(default_factory=dict)
     choices: dict[str, str] = field(default_factory=dict)
     skill_paths: list[tuple[Path, str]] = field(default_factory=list)
@@ -96,6 +98,8 @@ class Registry:
 
     def tool(self, name: str) -> Tool:
         """One tool. Raises `UnknownNameError` with the nearest name."""
+        if name not in self.providers and name in self.contracts:
+            raise PluginError(f"No installed plugin serves {name!r}.", hint="`gap tools list` shows what is served.")
         if name not in self.providers:
             raise UnknownNameError("tool", name, {n: tool.spec.summary for n, tool in self.tools.items()})
         return self.providers[name][self._choice(name, self.providers[name])]
@@ -202,6 +206,7 @@ def _register(registry: Registry, plugin: Plugin) -> None:
         raise GapError(f"misspelled hook: {error}") from None
     scratch = Registry()
     with contextlib.redirect_stdout(io.StringIO()):
+        manager.hook.gap_register_contracts(register=lambda r: _add_contract(scratch, r.contract, plugin.name))
         manager.hook.gap_register_tools(register=lambda tool: _add_tool(scratch, tool, plugin.name))
         for kind in ENTRY_KINDS:
             hook = getattr(manager.hook, f"gap_register_{kind}")
@@ -213,13 +218,19 @@ def _register(registry: Registry, plugin: Plugin) -> None:
     _merge(registry, scratch, plugin)
 
 
+def _add_contract(registry: Registry, contract: ToolSpec, plugin: str) -> None:
+    known = registry.contracts.setdefault(contract.name, contract)
+    if known is not contract:
+        raise PluginError(f"Plugin {plugin!r} registers the contract of {contract.name!r} a second time.")
+
+
 def _add_tool(registry: Registry, tool: Any, plugin: str) -> None:
     if not isinstance(tool, Tool):
         raise GapError(f"register() was given {tool!r}, not a function decorated with @tool")
     by_provider = registry.providers.setdefault(tool.spec.name, {})
     if tool.provider in by_provider:
         raise PluginError(f"Plugin {plugin!r} registers tool {tool.spec.name!r} twice as provider {tool.provider!r}.")
-    by_provider[tool.provider] = tool.stamped(plugin)
+    by_provider[tool.provider] = replace(tool, plugin=plugin)
 
 
 def _add_entry(entries: dict[str, Entry], kind: str, arguments: tuple[Any, ...], plugin: str) -> None:
@@ -230,6 +241,8 @@ def _add_entry(entries: dict[str, Entry], kind: str, arguments: tuple[Any, ...],
 
 
 def _merge(registry: Registry, new: Registry, plugin: Plugin) -> None:
+    for contract in new.contracts.values():
+        _add_contract(registry, contract, plugin.name)
     for name, by_provider in new.providers.items():
         for provider, tool in by_provider.items():
             _merge_tool(registry.providers.setdefault(name, {}), provider, tool)

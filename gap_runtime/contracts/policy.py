@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from gap_runtime.contracts.tool import Tool, ToolContext, serves, tool
+from gap_runtime.contracts.tool import Tool, ToolContext, ToolRequest, serves
 from gap_runtime.contracts.types import ActionChunk, Observation
 
 
@@ -19,21 +19,22 @@ class Policy(Protocol):
         """The next targets of one arm. Raises `ToolError` where it cannot say any."""
 
 
-@tool("policy.Act", effect="sense", deadline_s=10.0)
-def contract(ctx: ToolContext, observation: Observation, instruction: str) -> ActionChunk:
+class Act(ToolRequest[ActionChunk], tool="policy.Act", effect="sense", deadline_s=10.0):
     """Ask a learned policy for the next actions; each registered policy serves this under its name as provider."""
-    raise NotImplementedError  # a contract: `policy_tool` makes its providers
+
+    observation: Observation
+    instruction: str
 
 
 def policy_tool(name: str, factory: Callable[[], Policy]) -> Tool:
     """`policy.Act` as the policy that `factory` builds, once per process, serves it."""
 
-    @serves(contract, provider=name)
-    def act(ctx: ToolContext, observation: Observation, instruction: str) -> ActionChunk:
+    @serves(Act, provider=name)
+    def act(ctx: ToolContext, request: Act) -> ActionChunk:
         policy: Policy = ctx.shared(f"policy:{name}", factory)
         if not ctx.state.setdefault(f"policy:{name}", False):
             policy.reset()
             ctx.state[f"policy:{name}"] = True
-        return policy.act(observation, instruction)
+        return policy.act(request.observation, request.instruction)
 
     return act

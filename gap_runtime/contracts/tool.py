@@ -1,7 +1,7 @@
-"""A tool: a typed function under a catalogue name, with its effect, the resources it holds and its deadline.
+"""A tool: a contract under a name `<service>.<Method>`, with its effect, resources and deadline, and a provider of it.
 
-Name, inputs, defaults, outputs and schema hash come from the function's signature and docstring. A tool name is
-a contract; the function that serves it is a provider.
+The contract is a `ToolRequest` class, which any number of providers serve, or, where there is one provider only, the
+signature and docstring of a function. Name, inputs, defaults, outputs and schema hash are derived from it.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ import inspect
 import json
 import re
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Any, Literal, Protocol
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
+from typing import Any, ClassVar, Generic, Literal, Protocol, TypedDict, TypeVar, Unpack, dataclass_transform
 
 from gap_runtime.contracts.cell import Cell
 from gap_runtime.contracts.robot import RobotSpec
@@ -23,6 +23,7 @@ from gap_runtime.contracts.types import CONTRACT_TYPES
 from gap_runtime.contracts.types.typeref import TypeRef
 
 Effect = Literal["pure", "sense", "actuate"]
+Result = TypeVar("Result")
 REQUIRED = inspect.Parameter.empty
 OBSERVED = "observed"  # in `ToolContext.state`: a deque of the last Observations taken from in.observation_stream
 _NAME = re.compile(r"^[a-z][a-z0-9_]*\.[A-Z][A-Za-z0-9]*$")
@@ -90,20 +91,25 @@ class ToolSpec:
     """The contract of a tool, apart from who serves it.
 
     `output` is set when the tool returns one bare value; `fields` when it returns named ones. A tool that
-    returns nothing has neither. `resources` are held exclusively while it runs (`arm:0`, `gripper:0`, `clock`).
+    returns nothing has neither. `resources` are held exclusively while it runs (`arm:0`, `gripper:0`, `clock`); one
+    written `arm:{arm_id}` is the one that the call's own input names.
     """
 
     name: str
     inputs: tuple[Param, ...]
     output: TypeRef | None
     fields: Mapping[str, TypeRef]
-    effect: Effect
-    resources: tuple[str, ...]
-    deadline_s: float
-    privileged: bool
-    streaming: bool
-    summary: str
-    doc: str
+    effect: Effect = "pure"
+    resources: tuple[str, ...] = ()
+    deadline_s: float = 10.0
+    privileged: bool = False
+    streaming: bool = False
+    doc: str = ""
+
+    @property
+    def summary(self) -> str:
+        """The first line of the docstring."""
+        return self.doc.partition("\n")[0]
 
     @property
     def service(self) -> str:
@@ -135,90 +141,109 @@ class ToolSpec:
 
 @dataclass(frozen=True)
 class Tool:
-    """A spec and the function that serves it. `plugin` is stamped by the host at registration."""
+    """A contract and who serves it: `call(context, inputs)`; `notes` is what the provider's docstring says about how.
+
+    `plugin` is stamped by the host at registration.
+    """
 
     spec: ToolSpec
-    function: Callable[..., Any] = field(repr=False)
+    call: Callable[[Any, Mapping[str, Any]], Any] = field(repr=False)
     takes_context: bool
     provider: str = "embedded"
+    notes: str = ""
     plugin: str = ""
 
-    def __call__(self, context: ToolContext, **inputs: Any) -> Any:
-        """Call the provider."""
-        return self.function(context, **inputs) if self.takes_context else self.function(**inputs)
+    def __call__(self, context: ToolContext | None, **inputs: Any) -> Any:
+        """Call the provider; a pure one needs no context."""
+        return self.call(context, inputs)
 
-    def stamped(self, plugin: str) -> Tool:
-        """This tool, known to come from `plugin`."""
-        return replace(self, plugin=plugin)
+
+class Declared(TypedDict, total=False):
+    """What a contract declares beside its types; the defaults are `ToolSpec`'s."""
+
+    effect: Effect
+    resources: tuple[str, ...]
+    deadline_s: float
+    privileged: bool
+    streaming: bool
+
+
+@dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(field,))
+class ToolRequest(Generic[Result]):
+    """A tool's contract as a subclass, and one request to it as an instance.
+
+    Fields in order are the inputs with their defaults, `Result` is what is returned, and the docstring says what every
+    provider keeps to. `__post_init__` may refuse values, for all providers alike. Raises TypeError for what is no
+    contract.
+    """
+
+    contract: ClassVar[ToolSpec]
+    returns: ClassVar[Any]
+
+    def __init_subclass__(cls, *, tool: str, **declared: Unpack[Declared]) -> None:
+        doc = inspect.cleandoc(cls.__doc__ or "")
+        dataclass(frozen=True, eq=False)(cls)
+        hints = typing.get_type_hints(cls, include_extras=True)
+        inputs = [Param(f.name, _typeref(hints, f.name, tool), _default(f)) for f in fields(cls)]  # type: ignore[arg-type]
+        (cls.returns,) = typing.get_args(cls.__orig_bases__[0]) or (REQUIRED,)  # type: ignore[attr-defined]
+        cls.contract = _spec(tool, inputs, cls.returns, doc, declared)
+
+
+def serves(
+    request: type[ToolRequest[Any]], *, provider: str = "embedded", deadline_s: float | None = None
+) -> Callable[[Callable[..., Any]], Tool]:
+    """Make a `Tool` of `def function(ctx: ToolContext, request: Request) -> Result`; a pure one may leave `ctx` out.
+
+    `deadline_s` may differ from the contract's: how long a call takes is the provider's. Raises TypeError when the
+    function takes or returns something else.
+    """
+    name = request.contract.name
+
+    def decorate(function: Callable[..., Any]) -> Tool:
+        hints = typing.get_type_hints(function)
+        ctx, taken = _parameters(function)
+        if [hints.get(p.name) for p in taken] != [request]:
+            raise TypeError(f"{function.__name__} cannot serve {name!r}: it must take one {request.__name__}")
+        if hints.get("return", REQUIRED) != _without_frame(request.returns):
+            raise TypeError(f"{function.__name__} cannot serve {name!r}: it does not return {request.returns!r}")
+        call = (lambda c, i: function(c, request(**i))) if ctx else lambda c, i: function(request(**i))
+        spec = request.contract if deadline_s is None else replace(request.contract, deadline_s=deadline_s)
+        return Tool(spec, call, ctx, provider, inspect.getdoc(function) or "")
+
+    return decorate
 
 
 def tool(
-    name: str,
-    *,
-    effect: Effect = "pure",
-    resources: tuple[str, ...] = (),
-    deadline_s: float = 10.0,
-    privileged: bool = False,
-    streaming: bool = False,
-    provider: str = "embedded",
+    name: str, *, provider: str = "embedded", **declared: Unpack[Declared]
 ) -> Callable[[Callable[..., Any]], Tool]:
-    """Make a `Tool` of a typed function; a first parameter named `ctx` receives the `ToolContext`.
+    """Make a `Tool` of a typed function whose signature and docstring are the contract; `ctx` receives the context.
 
-    A resource may be written `arm:{arm_id}`: it is then the one the call's own argument names.
-    Raises TypeError when the signature is not a contract.
+    For a tool that one plugin has to itself. Raises TypeError when the signature is not a contract.
     """
 
     def decorate(function: Callable[..., Any]) -> Tool:
-        if not _NAME.match(name):
-            raise TypeError(f"tool name {name!r} must look like service.Method")
-        signature = inspect.signature(function)
         hints = typing.get_type_hints(function, include_extras=True)
-        takes_context = next(iter(signature.parameters), None) == "ctx"
-        inputs = tuple(
-            Param(p.name, _typeref(hints, p.name, name), p.default)
-            for p in list(signature.parameters.values())[1 if takes_context else 0 :]
-        )
-        output, out_fields = result_types(hints.get("return", REQUIRED), name)
-        doc = inspect.getdoc(function) or ""
-        if not doc:
-            raise TypeError(f"tool {name!r} has no docstring")
-        spec = ToolSpec(
-            name, inputs, output, out_fields, effect, tuple(resources), deadline_s, privileged, streaming,
-            doc.splitlines()[0], doc,
-        )  # fmt: skip
-        return Tool(spec, function, takes_context, provider)
+        ctx, taken = _parameters(function)
+        inputs = [Param(p.name, _typeref(hints, p.name, name), p.default) for p in taken]
+        spec = _spec(name, inputs, hints.get("return", REQUIRED), inspect.getdoc(function) or "", declared)
+        call = (lambda c, i: function(c, **i)) if ctx else lambda c, i: function(**i)
+        return Tool(spec, call, ctx, provider)
 
     return decorate
 
 
-def serves(contract: Tool, *, provider: str, deadline_s: float | None = None) -> Callable[[Callable[..., Any]], Tool]:
-    """Make another provider of a tool whose contract exists: same name, inputs, defaults, outputs and effect.
+def _parameters(function: Callable[..., Any]) -> tuple[bool, list[inspect.Parameter]]:
+    """True when the function takes a `ctx`, and its other parameters."""
+    given = dict(inspect.signature(function).parameters)
+    return given.pop("ctx", None) is not None, list(given.values())
 
-    A docstring of the function's own says how this provider does it; without one the contract's stands. `deadline_s`
-    may differ: how long a call takes is the provider's. Raises TypeError when the inputs' names, or a declared return,
-    are not the contract's.
-    """
 
-    def decorate(function: Callable[..., Any]) -> Tool:
-        given = list(inspect.signature(function).parameters)
-        takes_context = given[:1] == ["ctx"]
-        wanted = [p.name for p in contract.spec.inputs]
-        if given[1 if takes_context else 0 :] != wanted:
-            raise TypeError(
-                f"{function.__name__}({', '.join(given)}) cannot serve {contract.spec.name!r}, "
-                f"whose inputs are {', '.join(wanted)}"
-            )
-        returned = typing.get_type_hints(function, include_extras=True).get("return", REQUIRED)
-        if returned is not REQUIRED:
-            output, out_fields = result_types(returned, contract.spec.name)
-            if (output, out_fields) != (contract.spec.output, dict(contract.spec.fields)):
-                raise TypeError(f"{function.__name__} cannot serve {contract.spec.name!r}: it returns something else")
-        doc = inspect.getdoc(function) or contract.spec.doc
-        seconds = contract.spec.deadline_s if deadline_s is None else deadline_s
-        spec = replace(contract.spec, deadline_s=seconds, summary=doc.splitlines()[0], doc=doc)
-        return Tool(spec, function, takes_context, provider)
-
-    return decorate
+def _spec(name: str, inputs: Sequence[Param], returns: Any, doc: str, declared: Declared) -> ToolSpec:
+    if not _NAME.match(name):
+        raise TypeError(f"tool name {name!r} must look like service.Method")
+    if not doc:
+        raise TypeError(f"tool {name!r} has no docstring")
+    return ToolSpec(name, tuple(inputs), *result_types(returns, name), doc=doc, **declared)
 
 
 def result_types(annotation: Any, name: str) -> tuple[TypeRef | None, dict[str, TypeRef]]:
@@ -257,6 +282,16 @@ def _typeref(hints: Mapping[str, Any], parameter: str, name: str) -> TypeRef:
     if parameter not in hints:
         raise TypeError(f"tool {name!r}: parameter {parameter!r} has no type")
     return TypeRef.of(hints[parameter])
+
+
+def _default(f: Any) -> Any:
+    if f.default_factory is not MISSING:
+        return f.default_factory()
+    return REQUIRED if f.default is MISSING else f.default
+
+
+def _without_frame(annotation: Any) -> Any:
+    return typing.get_args(annotation)[0] if typing.get_origin(annotation) is typing.Annotated else annotation
 
 
 def _plain(value: Any) -> Any:

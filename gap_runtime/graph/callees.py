@@ -21,16 +21,11 @@ _RANK: dict[Effect, int] = {"pure": 0, "sense": 1, "actuate": 2}
 
 def tool_callee(tool: Tool) -> BoundCallable:
     """A registered tool."""
-    spec, function = tool.spec, tool.function
-    invoke: Callable[[Any, dict[str, Any]], Any]
-    if tool.takes_context:
-        invoke = lambda ctx, kwargs: function(ctx, **kwargs)  # noqa: E731
-    else:
-        invoke = lambda ctx, kwargs: function(**kwargs)  # noqa: E731
+    spec = tool.spec
     return BoundCallable(
         spec.name, "tool", spec.inputs, _checks(spec.inputs), _required(spec.inputs), spec.output, spec.fields,
         make_result_check(spec.name.replace(".", "_"), spec.output, spec.fields), spec.effect, spec.resources,
-        spec.deadline_s, tool.takes_context, invoke, privileged=spec.privileged, streaming=spec.streaming,
+        spec.deadline_s, tool.takes_context, tool.call, privileged=spec.privileged, streaming=spec.streaming,
     )  # fmt: skip
 
 

@@ -2,29 +2,32 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gap_geometry.checks import finite_points
-from gap_geometry.clouds import filter_noise
-from gap_runtime.contracts.tool import tool
-from gap_runtime.contracts.types import WORLD, Array, OrientedBoundingBox, PointCloud, Quaternion, Vec3
+from gap_catalogue.geometry import ComputeOBB, FilterAndComputeOBB
+from gap_catalogue.shared.point_clouds import finite_points
+from gap_geometry.clouds import without_noise
+from gap_runtime.contracts.tool import serves
+from gap_runtime.contracts.types import Array, OrientedBoundingBox, PointCloud, Quaternion, Vec3
 
 MIN_POINTS = 4  # fewer span no volume
 ELONGATED = 1.1  # side ratio from which the longer side is the x axis; below, noise would flip it between frames
 
 
-@tool("geometry_svc.ComputeOBB")
-def compute_obb(point_cloud: Annotated[PointCloud, WORLD]) -> Annotated[OrientedBoundingBox, WORLD]:
-    """Fit an upright oriented bounding box to world points: z up, minimum-area rectangle in the ground plane.
+@serves(ComputeOBB)
+def compute_obb(request: ComputeOBB) -> OrientedBoundingBox:
+    return box_around(request.point_cloud)
 
-    Axes are canonical, so that equal boxes are equal values: x is the longer horizontal side when one is at least
-    `ELONGATED` times the other, else the side nearer to world x; its yaw lies in (-90, 90] degrees.
-    Raises `PerceptionError` (`empty_cloud`) for fewer than four finite points.
-    """
-    points = finite_points(point_cloud, at_least=MIN_POINTS)
+
+@serves(FilterAndComputeOBB)
+def filter_and_compute_obb(request: FilterAndComputeOBB) -> OrientedBoundingBox:
+    return box_around(without_noise(request.point_cloud, request.eps, request.min_samples))
+
+
+def box_around(cloud: PointCloud) -> OrientedBoundingBox:
+    """The upright box of `geometry_svc.ComputeOBB`."""
+    points = finite_points(cloud, at_least=MIN_POINTS)
     center, half, yaw = _rectangle(points[:, :2])
     low, high = float(points[:, 2].min()), float(points[:, 2].max())
     return OrientedBoundingBox(
@@ -32,15 +35,6 @@ def compute_obb(point_cloud: Annotated[PointCloud, WORLD]) -> Annotated[Oriented
         Vec3(float(half[0]), float(half[1]), (high - low) / 2),
         Quaternion.of(Rotation.from_euler("z", yaw)),
     )
-
-
-@tool("geometry_svc.FilterAndComputeOBB")
-def filter_and_compute_obb(
-    point_cloud: Annotated[PointCloud, WORLD], eps: float = 0.005, min_samples: int = 10
-) -> Annotated[OrientedBoundingBox, WORLD]:
-    """FilterNoise, then ComputeOBB, in one call."""
-    cloud = filter_noise.function(point_cloud, eps, min_samples)
-    return compute_obb.function(cloud)  # type: ignore[no-any-return]
 
 
 def _rectangle(xy: Array) -> tuple[Array, Array, float]:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
-
 import numpy as np
 from scipy.spatial import cKDTree
 
-from gap_geometry.boxes import MIN_POINTS, compute_obb
-from gap_geometry.checks import focal, valid_depth
-from gap_geometry.clouds import cluster, to_frame
-from gap_runtime.contracts.failures import BadRequestError
-from gap_runtime.contracts.tool import ToolContext, tool
+from gap_catalogue.geometry import BuildWorldConfig, BuiltWorld
+from gap_catalogue.shared.point_clouds import focal, to_frame, valid_depth
+from gap_catalogue.shared.robot_chain import sphere_centers
+from gap_geometry.boxes import MIN_POINTS, box_around
+from gap_geometry.clouds import cluster
+from gap_runtime.contracts.tool import ToolContext, serves
 from gap_runtime.contracts.types import (
-    WORLD,
     Array,
     CameraObservation,
     JointState,
@@ -21,6 +19,8 @@ from gap_runtime.contracts.types import (
     Obstacle,
     OrientedBoundingBox,
     PointCloud,
+    Quaternion,
+    Vec3,
     WorldConfig,
 )
 
@@ -30,44 +30,17 @@ SUPPORT_MARGIN = 0.006  # m above a known support below which a point is taken f
 ROBOT_MARGIN = 0.02
 
 
-class BuiltWorld(NamedTuple):
-    """The collision world and the names of its obstacles, masks first."""
-
-    config: WorldConfig
-    mesh_names: list[str]
-
-
-@tool("geometry_svc.BuildWorldConfig", effect="sense", deadline_s=20.0)
-def build_world_config(
-    ctx: ToolContext,
-    cameras: list[CameraObservation],
-    object_masks: list[ObjectMask],
-    voxel_size: float = 0.005,
-    mesh_alpha: float = 0.03,
-    robot_joint_state: JointState | None = None,
-    target_obb: Annotated[OrientedBoundingBox, WORLD] | None = None,
-) -> BuiltWorld:
-    """Reconstruct a named collision world from camera observations.
-
-    Points under a mask become the obstacle of that name; all others above a support are grouped where gaps exceed
-    `mesh_alpha` [m] and named `obstacle_0`, ... by size; supports are boxes under their surface. Each keeps its points
-    on a `voxel_size` [m] grid. With `robot_joint_state`, points on the robot itself, its jaws as they are now, are left
-    out; with `target_obb`, points inside that box become the obstacle `target`.
-    Raises `BadRequestError` for a camera index or mask size that does not fit, or sizes that are not positive.
-    """
-    if voxel_size <= 0 or mesh_alpha <= 0:
-        raise BadRequestError(
-            "range", f"voxel_size and mesh_alpha must be positive, got {voxel_size} and {mesh_alpha}."
-        )
-    named, rest = _split(ctx, cameras, object_masks)
-    if robot_joint_state is not None:
-        rest = rest[~on_robot(ctx, rest, robot_joint_state)]
-    if target_obb is not None:
-        inside = _inside(rest, target_obb, margin=voxel_size)
+@serves(BuildWorldConfig)
+def build_world_config(ctx: ToolContext, request: BuildWorldConfig) -> BuiltWorld:
+    named, rest = _split(ctx, request.cameras, request.object_masks)
+    if request.robot_joint_state is not None:
+        rest = rest[~on_robot(ctx, rest, request.robot_joint_state)]
+    if request.target_obb is not None:
+        inside = _inside(rest, request.target_obb, margin=request.voxel_size)
         named.setdefault("target", []).append(rest[inside])
         rest = rest[~inside]
-    obstacles = [_obstacle(name, np.concatenate(parts), voxel_size) for name, parts in named.items()]
-    obstacles += _groups(_voxels(rest, voxel_size), mesh_alpha)
+    obstacles = [_obstacle(name, np.concatenate(parts), request.voxel_size) for name, parts in named.items()]
+    obstacles += _groups(_voxels(rest, request.voxel_size), request.mesh_alpha)
     found = [o for o in obstacles if o is not None] + _supports(ctx)
     return BuiltWorld(WorldConfig(tuple(found)), [o.name for o in found])
 
@@ -78,13 +51,6 @@ def _split(
     """World points under each named mask, and all others above the supports, over all cameras."""
     named: dict[str, list[Array]] = {}
     rest: list[Array] = [np.zeros((0, 3))]
-    for item in masks:
-        if not 0 <= item.camera_index < len(cameras):
-            raise BadRequestError(
-                "camera_index", f"Mask {item.name!r} is of camera {item.camera_index} of {len(cameras)}."
-            )
-        if item.mask.data.shape != cameras[item.camera_index].depth.data.shape:
-            raise BadRequestError("shape", f"Mask {item.name!r} and its camera's depth image differ in size.")
     for index, camera in enumerate(cameras):
         free, points = valid_depth(camera.depth), _world(camera)
         for item in (m for m in masks if m.camera_index == index):
@@ -122,8 +88,6 @@ def _above_supports(ctx: ToolContext, points: Array, free: Array) -> Array:
 
 def on_robot(ctx: ToolContext, points: Array, joints: JointState) -> Array:
     """Which of the points (N, 3) [m] are on the first arm at `joints`, its jaws as wide as they are now; shape (N,)."""
-    from gap_motion.kinematics.chain import sphere_centers
-
     spec, arm = ctx.robot(), ctx.cell.arms[0]
     centers = to_frame(sphere_centers(spec, joints.positions, arm.state().gripper.width), arm.base_pose)
     radii = np.array([s.radius for s in spec.spheres])
@@ -166,12 +130,10 @@ def _obstacle(name: str, points: Array, voxel_size: float | None) -> Obstacle | 
         return None
     # A rectangle needs four points: stand-ins at the corners of a hair's breadth keep a lone point an obstacle.
     padded = points if len(points) >= MIN_POINTS else np.concatenate([points + d for d in 1e-4 * np.eye(3)] + [points])
-    return Obstacle(name, compute_obb.function(PointCloud(padded)), points)
+    return Obstacle(name, box_around(PointCloud(padded)), points)
 
 
 def _supports(ctx: ToolContext) -> list[Obstacle]:
-    from gap_runtime.contracts.types import Quaternion, Vec3
-
     depth = 0.05
     return [
         Obstacle(

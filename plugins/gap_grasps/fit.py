@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from gap_catalogue.shared.hand import Hand
 from gap_grasps.bench.execution import Ranked, Seen, was_tried
 from gap_grasps.bench.run import UNSHARED, Job, Row, jobs, measured, rows_of
 from gap_grasps.bench.sampling import pool_of
 from gap_grasps.calibration import FILE
-from gap_grasps.clearance import Hand
 from gap_grasps.generate import prepare
 from gap_grasps.pose_error import DECLARED
 from gap_grasps.reliability import auc, bins, ranking

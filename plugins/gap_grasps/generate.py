@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gap_grasps.clearance import Hand, above, clear_of
+from gap_catalogue.shared.hand import Hand, above, clear_of
+from gap_catalogue.shared.point_clouds import SURFACE, require_surface
 from gap_grasps.sampling import antipodal_pairs, poses_around
 from gap_grasps.scoring import score_poses
 from gap_grasps.surface import Surface, closed_surface, seen_surface, thinned
-from gap_runtime.contracts.failures import BadRequestError, PerceptionError
+from gap_runtime.contracts.failures import BadRequestError
 from gap_runtime.contracts.types import Array
 
-MIN_POINTS = 30  # fewer do not show a surface
 MAX_POINTS = 6000  # more add nothing at a pad's size and cost time
 MAX_SCORED = 600  # poses that go through the collision and scoring stage
 
@@ -32,20 +32,12 @@ def prepare(points: Array, floor: float | None, rng: np.random.Generator, *, rem
     points = points[np.isfinite(points).all(axis=1)]
     if len(points):
         points = thinned(points)
-    if remove_outliers and len(points) > MIN_POINTS:
+    if remove_outliers and len(points) > SURFACE:
         points = points[_inliers(points)]
-    enough(points)
+    require_surface(points)
     if len(points) > MAX_POINTS:
         points = points[np.sort(rng.choice(len(points), MAX_POINTS, replace=False))]
     return seen_surface(points) if floor is None else closed_surface(points, floor)
-
-
-def enough(points: Array) -> None:
-    """Raise `PerceptionError` (`too_few_points`) when usable points (N, 3) are too few to show a surface."""
-    if len(points) < MIN_POINTS:
-        raise PerceptionError(
-            "too_few_points", f"{len(points)} usable points do not show a surface to grasp; {MIN_POINTS} are needed."
-        )
 
 
 def generate(

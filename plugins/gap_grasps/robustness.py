@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gap_grasps.clearance import SHADOW, STRAY, Hand, above, palm_room
-from gap_grasps.neighbour_objects import Nearby, nearby
+from gap_catalogue.shared.hand import SHADOW, STRAY, Hand, Nearby, above, nearby, palm_room
 from gap_grasps.pose_error import DECLARED, SPREAD, PoseError, spread
 from gap_grasps.sampling import FRICTION, THINNEST
 from gap_grasps.surface import Surface

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from gap_catalogue.shared.hand import Hand
 from gap_grasps.calibration import fitted
-from gap_grasps.clearance import Hand
 from gap_grasps.robustness import measure
 from gap_grasps.surface import Surface
 from gap_runtime.contracts.types import Array

@@ -7,11 +7,10 @@ from gap_runtime.hookspecs import Register, hookimpl
 
 @hookimpl
 def gap_register_tools(register: Register) -> None:
-    from gap_hf import curobo
     from gap_hf.grasps import graspgen, graspnet, m2t2
     from gap_hf.language import molmo, vlm
     from gap_hf.vision import detect, segment, tracker
 
-    for module in (detect, segment, tracker, molmo, vlm, graspgen, graspnet, m2t2, curobo):
+    for module in (detect, segment, tracker, molmo, vlm, graspgen, graspnet, m2t2):
         for tool in module.TOOLS:
             register(tool)

@@ -9,32 +9,13 @@ from gap_runtime.hookspecs import Register, hookimpl
 
 @hookimpl
 def gap_register_tools(register: Register) -> None:
-    from gap_motion.tools import arms as tools_arms
-    from gap_motion.tools import check as tools_check
-    from gap_motion.tools import clock as tools_clock
-    from gap_motion.tools import control as tools_control
-    from gap_motion.tools import gripper as tools_gripper
-    from gap_motion.tools import lines as tools_lines
-    from gap_motion.tools import plan as tools_plan
-    from gap_motion.tools import pyroki as tools_pyroki
-    from gap_motion.tools import torch as tools_torch
-    from gap_motion.vamp import arm as vamp_arm
-    from gap_motion.vamp import tools as vamp_tools
+    from gap_motion.curobo import tools as with_curobo
+    from gap_motion.tools import arms, check, clock, control, gripper, lines, plan, pyroki, torch
+    from gap_motion.vamp import tools as with_vamp
+    from gap_motion.vamp.arm import installed
 
-    modules = [
-        tools_control,
-        tools_arms,
-        tools_gripper,
-        tools_pyroki,
-        tools_torch,
-        tools_plan,
-        tools_lines,
-        tools_check,
-        tools_clock,
-    ]
-    if vamp_arm.installed():
-        modules.append(vamp_tools)
-    for module in modules:
+    modules = (control, arms, gripper, pyroki, torch, plan, lines, check, clock, with_curobo)
+    for module in (*modules, with_vamp) if installed() else modules:
         for tool in module.TOOLS:
             register(tool)
 

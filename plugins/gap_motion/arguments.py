@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gap_motion.kinematics.chain import Chain, chain
+from gap_catalogue.shared.robot_chain import Chain, chain
 from gap_runtime.contracts.arm import Arm
 from gap_runtime.contracts.failures import BadRequestError
 from gap_runtime.contracts.robot import RobotSpec
@@ -33,8 +33,10 @@ def pose_matrix(pose: Se3Pose, what: str) -> Array:
     return pose.matrix
 
 
-def pose_list(poses: Sequence[Se3Pose], what: str) -> Array:
-    """Homogeneous matrices (M, 4, 4). Raises `BadRequestError` (`empty`) for none, and as `pose_matrix`."""
+def pose_list(poses: Sequence[Se3Pose], what: str, at_most: int) -> Array:
+    """Homogeneous matrices (M, 4, 4). Raises `BadRequestError` (`empty`, `too_large`), and as `pose_matrix`."""
+    if len(poses) > at_most:
+        raise BadRequestError("too_large", f"{what} has {len(poses)} poses; at most {at_most} are taken.")
     if not poses:
         raise BadRequestError("empty", f"{what} is empty; there is nothing to plan to.")
     return np.array([pose_matrix(pose, f"{what}[{i}]") for i, pose in enumerate(poses)])

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from gap_catalogue.checks import clipped
 from gap_perception.models.views import Candidate, see
-from gap_runtime.contracts.failures import BadRequestError
 from gap_runtime.contracts.tool import ToolContext
 from gap_runtime.contracts.types import Array, BoundingBox2D, Image
 
@@ -20,7 +22,8 @@ _MIN_CUT = 20  # px
 
 def fill(ctx: ToolContext, image: Image, box: BoundingBox2D) -> list[tuple[float, Array]]:
     """(score, mask) of the segments that fill the box, best first. Raises `BadRequestError` for a box without area."""
-    x0, y0, x1, y1 = clipped(box, image)
+    low_x, low_y, high_x, high_y = clipped(box, image)
+    x0, y0, x1, y1 = math.floor(low_x), math.floor(low_y), math.ceil(high_x), math.ceil(high_y)
     view = see(ctx, image)
     scored = [(_overlap(c, (x0, y0, x1, y1)), c) for c in view.candidates]
     found = [(score, c.mask) for score, c in scored if score >= FILLS]
@@ -34,19 +37,6 @@ def fill(ctx: ToolContext, image: Image, box: BoundingBox2D) -> list[tuple[float
         return found
     cut = _cut(image, (x0, y0, x1, y1))
     return [(PART_SCORE, cut)] if np.count_nonzero(cut) >= _MIN_CUT else []
-
-
-def clipped(box: BoundingBox2D, image: Image) -> tuple[int, int, int, int]:
-    """The box in whole pixels within the image. Raises `BadRequestError` when nothing of it is left."""
-    rows, columns = image.data.shape[:2]
-    corners = np.array([box.x_min, box.y_min, box.x_max, box.y_max])
-    if not np.isfinite(corners).all() or box.x_max <= box.x_min or box.y_max <= box.y_min:
-        raise BadRequestError("box", f"The box {corners.tolist()} has no area (x_min, y_min, x_max, y_max).")
-    x0, y0 = np.floor(np.clip(corners[:2], 0, (columns, rows))).astype(int)
-    x1, y1 = np.ceil(np.clip(corners[2:], 0, (columns, rows))).astype(int)
-    if x1 - x0 < 1 or y1 - y0 < 1:
-        raise BadRequestError("outside", f"The box {corners.tolist()} lies outside the {columns}x{rows} image.")
-    return int(x0), int(y0), int(x1), int(y1)
 
 
 def _overlap(candidate: Candidate, box: tuple[int, int, int, int]) -> float:

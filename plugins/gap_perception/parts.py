@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from gap_perception.frames import Found, find
+from gap_catalogue.shared.frames import FoundFrame, find
 from gap_perception.language.phrases import Phrase, read_phrase
 from gap_perception.language.relations import matches
 from gap_perception.language.vocabulary import Vocabulary
@@ -66,7 +66,7 @@ def read_part(
     return None
 
 
-def _shown(ctx: ToolContext, source: Found, whole: Candidate, part: str) -> Candidate | None:
+def _shown(ctx: ToolContext, source: FoundFrame, whole: Candidate, part: str) -> Candidate | None:
     """What an image shows of the part of one object; None where its model has no such part, or too little shows."""
     from gap_perception.scene.analyse import analyse
 
@@ -84,7 +84,7 @@ def _shown(ctx: ToolContext, source: Found, whole: Candidate, part: str) -> Cand
     return Candidate(mask, box_of(mask), {}, whole.depth, (low + high) / 2, high - low)
 
 
-def _pixels(ctx: ToolContext, source: Found, candidate: Candidate) -> tuple[Array, Array, Array]:
+def _pixels(ctx: ToolContext, source: FoundFrame, candidate: Candidate) -> tuple[Array, Array, Array]:
     """Rows and columns in the image, and world points (N, 3) [m], of what a candidate shows."""
     from gap_perception.scene.points import lift
 

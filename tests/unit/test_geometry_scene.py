@@ -52,7 +52,7 @@ BOTH = [(LEFT, 0.10), (RIGHT, 0.05)]
 
 
 def build(tall, masks=(), robot=None, **options):
-    return build_world_config.function(context(robot), [camera(tall)], list(masks), **options)
+    return build_world_config(context(robot), cameras=[camera(tall)], object_masks=list(masks), **options)
 
 
 def test_things_apart_are_obstacles_of_their_own_and_the_floor_is_one_too():
@@ -92,7 +92,7 @@ def test_the_robot_is_no_obstacle():
 
 
 def test_the_jaws_are_left_out_where_they_are():
-    from gap_motion.kinematics.chain import sphere_centers
+    from gap_catalogue.shared.robot_chain import sphere_centers
     from gap_robots import arms
 
     for robot in arms():

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from gap_catalogue.shared.hand import Hand, above, clear_of, nearby
 from gap_grasps import tools
 from gap_grasps.calibration import FILE, Calibration, fitted
-from gap_grasps.clearance import Hand, above, clear_of
 from gap_grasps.fit import chance, logistic
-from gap_grasps.neighbour_objects import nearby
 from gap_grasps.pose_error import DECLARED, PoseError, spread
 from gap_grasps.reliability import auc, bins, ranking
 from gap_grasps.robustness import Measures, measure
@@ -81,8 +80,8 @@ def test_a_robots_own_jaws_decide_what_fits(spec):
             supports={"floor": SimpleNamespace(z=0.0, center=(0.0, 0.0), half_size=(1.0, 1.0))})),
     )  # fmt: skip
     fits, not_so = (PointCloud(block((0.15, width + d, 0.06)).points) for d in (-0.02, 0.01))
-    found = tools.plan_from_point_cloud.function(context, fits)
-    assert found.grasp_poses and tools.plan_from_point_cloud.function(context, not_so).grasp_poses == []
+    found = tools.plan_from_point_cloud(context, target_cloud=fits)
+    assert found.grasp_poses and tools.plan_from_point_cloud(context, target_cloud=not_so).grasp_poses == []
     surface = block((0.15, width - 0.02, 0.06))
     T = np.array([p.matrix for p in found.grasp_poses])
     hand = Hand.of(spec)
@@ -133,7 +132,7 @@ def test_nearby_finds_what_a_box_in_each_frame_holds(monkeypatch):
     local = np.stack([(points - t[:3, 3]) @ t[:3, :3] for t in T])
     expected = np.argwhere(((local >= low) & (local <= high)).all(axis=2))
     for elements in (10**6, 300):
-        monkeypatch.setattr("gap_grasps.neighbour_objects.ELEMENTS", elements)
+        monkeypatch.setattr("gap_catalogue.shared.hand.ELEMENTS", elements)
         near = nearby(points, T, low, high)
         np.testing.assert_array_equal(np.column_stack([near.pose, near.point]), expected)
         np.testing.assert_allclose(near.local, local[tuple(expected.T)], atol=1e-6)

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from gap_catalogue.shared.hand import Hand, above, clear_of
 from gap_grasps import tools
-from gap_grasps.clearance import Hand, above, clear_of
 from gap_grasps.support import plane_around
 from gap_grasps.surface import closed_surface, thinned
 from gap_robots.panda import panda
@@ -71,7 +71,7 @@ def test_a_cup_is_hollow_and_taken_by_its_rim():
     walls = closed.guessed
     outward = np.einsum("ni,ni->n", closed.normals[walls, :2], closed.points[walls, :2]) > 0
     assert 0.3 < outward.mean() < 0.8, "walls on the outside and on the inside"
-    found = tools.plan_from_point_cloud.function(context(), PointCloud(points))
+    found = tools.plan_from_point_cloud(context(), target_cloud=PointCloud(points))
     assert found.grasp_poses
     for p in found.grasp_poses[:5]:
         assert abs(np.hypot(p.position.x, p.position.y) - 0.043) < 0.01, "too wide for the jaws but at the rim"
@@ -79,7 +79,7 @@ def test_a_cup_is_hollow_and_taken_by_its_rim():
 
 def test_a_handle_is_taken_across():
     points = np.concatenate([slab((-0.1, 0.1), (-0.1, 0.1), 0.03), slab((0.1, 0.22), (-0.0125, 0.0125), 0.05)])
-    found = tools.plan_from_point_cloud.function(context(), PointCloud(points))
+    found = tools.plan_from_point_cloud(context(), target_cloud=PointCloud(points))
     assert found.grasp_poses
     for p in found.grasp_poses[:5]:
         assert p.position.x > 0.1 and abs(p.matrix[1, 1]) > 0.9
@@ -111,7 +111,7 @@ def test_fingertips_may_not_go_below_the_support():
 def test_a_score_is_zero_where_the_hand_would_overlap():
     points = PointCloud(slab((-0.1, 0.1), (-0.02, 0.02), 0.05))
     across, along = Se3Pose(Vec3(0, 0, 0.04), DOWN), Se3Pose(Vec3(0, 0, 0.04), Quaternion(0, 0.5**0.5, 0.5**0.5, 0))
-    good, bad = tools.score_grasps.function(context(), points, [across, along]).scores
+    good, bad = tools.score_grasps(context(), target_cloud=points, candidate_poses=[across, along]).scores
     assert good > 0.3 and bad == 0.0
 
 
@@ -119,7 +119,7 @@ def test_a_camera_that_sees_a_top_and_its_support_finds_the_sides():
     depth = np.full((120, 160), 0.6)
     depth[45:75, 65:95] = 0.54
     K, mask = Matrix3x3([[350, 0, 79.5], [0, 350, 59.5], [0, 0, 1]]), Mask(depth < 0.57)
-    found = tools.plan_from_depth.function(context(), DepthImage(depth), K, mask)
+    found = tools.plan_from_depth(context(), depth=DepthImage(depth), intrinsics=K, segmentation=mask)
     assert found.scores and found.scores[0] > 0.3
     assert max(p.position.z for p in found.grasp_poses) < 0.6
 

@@ -39,7 +39,7 @@ def box(size, center=(0.0, 0.0), spacing=0.003, faces="all"):
 
 
 def grasp(points, **options):
-    return tools.plan_from_point_cloud.function(context(), PointCloud(points), **options)
+    return tools.plan_from_point_cloud(context(), target_cloud=PointCloud(points), **options)
 
 
 def widths(points, poses):
@@ -87,11 +87,11 @@ def test_a_neighbour_against_one_side_leaves_the_other_pair_of_sides():
 
 def test_given_poses_are_scored_by_the_same_measure():
     points = PointCloud(box((0.04, 0.06, 0.08)))
-    found = tools.plan_from_point_cloud.function(context(), points)
-    again = tools.score_grasps.function(context(), points, found.grasp_poses).scores
+    found = tools.plan_from_point_cloud(context(), target_cloud=points)
+    again = tools.score_grasps(context(), target_cloud=points, candidate_poses=found.grasp_poses).scores
     np.testing.assert_allclose(again, found.scores, atol=1e-9)
     nowhere = Se3Pose(Vec3(1, 1, 1), Quaternion(1, 0, 0, 0))
-    assert tools.score_grasps.function(context(), points, [nowhere]).scores == [0.0]
+    assert tools.score_grasps(context(), target_cloud=points, candidate_poses=[nowhere]).scores == [0.0]
 
 
 def test_the_same_seed_gives_the_same_grasps():
@@ -103,14 +103,14 @@ def test_depth_and_cloud_agree_in_the_camera_frame():
     depth = np.full((60, 80), 1.0)
     depth[20:40, 30:50] = 0.9
     K, image, mask = Matrix3x3([[400, 0, 39.5], [0, 400, 29.5], [0, 0, 1]]), DepthImage(depth), Mask(depth < 0.95)
-    found = tools.plan_from_depth.function(context(), image, K, mask)
+    found = tools.plan_from_depth(context(), depth=image, intrinsics=K, segmentation=mask)
     for pose in found.grasp_poses:
         assert pose.matrix[2, 2] > 0, "the hand comes from the camera's side"
 
 
 def test_everything_on_the_table_can_be_asked_for_at_once():
     scene = PointCloud(np.concatenate([box((0.04, 0.06, 0.08)), box((0.04, 0.06, 0.08), center=(0.3, 0.0))]))
-    x = np.array([p.position.x for p in tools.plan_in_scene.function(context(), scene).grasp_poses])
+    x = np.array([p.position.x for p in tools.plan_in_scene(context(), scene_cloud=scene).grasp_poses])
     assert (x < 0.15).any() and (x > 0.15).any()
 
 
@@ -123,10 +123,18 @@ def test_a_cloud_without_a_surface_is_refused(points):
 def test_bad_requests_are_refused():
     K = Matrix3x3(np.eye(3))
     with pytest.raises(BadRequestError, match="size"):
-        tools.plan_from_depth.function(context(), DepthImage(np.ones((4, 4))), K, Mask(np.ones((5, 5))))
+        tools.plan_from_depth(
+            context(), depth=DepthImage(np.ones((4, 4))), intrinsics=K, segmentation=Mask(np.ones((5, 5)))
+        )
     with pytest.raises(BadRequestError, match="instance"):
-        tools.plan_from_depth.function(context(), DepthImage(np.ones((4, 4))), K, Mask(np.ones((4, 4))), 2)
-    with pytest.raises(BadRequestError, match="At least one"):
+        tools.plan_from_depth(
+            context(),
+            depth=DepthImage(np.ones((4, 4))),
+            intrinsics=K,
+            segmentation=Mask(np.ones((4, 4))),
+            instance_id=2,
+        )
+    with pytest.raises(BadRequestError, match="num_grasps is 0"):
         grasp(box((0.04, 0.06, 0.08)), num_grasps=0)
 
 
@@ -137,11 +145,11 @@ EMPTY, ONE, UNKNOWN = (PointCloud(p) for p in (np.zeros((0, 3)), np.zeros((1, 3)
 @pytest.mark.parametrize(
     "call",
     [
-        lambda c: tools.score_grasps.function(context(), c, []),
-        lambda c: tools.plan_from_clouds.function(context(), PointCloud(box((0.04, 0.06, 0.08))), c),
-        lambda c: tools.plan_from_clouds.function(context(), c, c),
-        lambda c: tools.plan_in_scene.function(context(), c),
-        lambda c: tools.plan_in_scene.function(context(), PointCloud(box((0.04, 0.06, 0.08))), c),
+        lambda c: tools.score_grasps(context(), target_cloud=c, candidate_poses=[]),
+        lambda c: tools.plan_from_clouds(context(), full_cloud=PointCloud(box((0.04, 0.06, 0.08))), segment_cloud=c),
+        lambda c: tools.plan_from_clouds(context(), full_cloud=c, segment_cloud=c),
+        lambda c: tools.plan_in_scene(context(), scene_cloud=c),
+        lambda c: tools.plan_in_scene(context(), scene_cloud=PointCloud(box((0.04, 0.06, 0.08))), target_cloud=c),
     ],
     ids=["score", "camera", "camera, nothing around", "scene", "target in a scene"],
 )
@@ -152,10 +160,12 @@ def test_every_tool_says_when_a_cloud_shows_nothing(call, cloud):
 
 def test_no_candidates_have_no_scores_and_impossible_ones_are_refused():
     points = PointCloud(box((0.04, 0.06, 0.08)))
-    assert tools.score_grasps.function(context(), points, []).scores == []
+    assert tools.score_grasps(context(), target_cloud=points, candidate_poses=[]).scores == []
     with pytest.raises(BadRequestError, match="finite"):
-        tools.score_grasps.function(
-            context(), points, [Se3Pose(Vec3(float("nan"), 0.0, 0.1), Quaternion(0.0, 1.0, 0.0, 0.0))]
+        tools.score_grasps(
+            context(),
+            target_cloud=points,
+            candidate_poses=[Se3Pose(Vec3(float("nan"), 0.0, 0.1), Quaternion(0.0, 1.0, 0.0, 0.0))],
         )
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from gap_grasps.clearance import STRAY
+from gap_catalogue.shared.hand import STRAY
 from gap_runtime.contracts.failures import SimulationDivergedError, ToolError
 from gap_runtime.contracts.standalone import StandaloneContext
 from gap_runtime.contracts.types import (
@@ -146,7 +146,7 @@ def _within_limits(cell: StandaloneContext, positions: Array) -> bool:
 
 def _arm_is_clear(cell: StandaloneContext, joints: Array, scene: Array) -> bool:
     """Does the arm, up to and without the hand, meet at most a stray point?"""
-    from gap_motion.kinematics.chain import chain, sphere_centers
+    from gap_catalogue.shared.robot_chain import chain, sphere_centers
 
     spec, base = cell.robot(), cell.cell.arms[0].base_pose
     before = [k.frame < spec.dof - 1 for k in (chain(spec).links[s.link] for s in spec.spheres)]

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gap_catalogue.shared.point_clouds import back_project, to_frame, valid_depth
+from gap_catalogue.shared.robot_chain import sphere_centers
 from gap_runtime.contracts.tool import ToolContext
-from gap_runtime.contracts.types import ArmState, Array, CameraObservation, Mask, PointCloud
+from gap_runtime.contracts.types import ArmState, Array, CameraObservation, Mask
 
 ABOVE = 0.006  # m above the support from which a point is not the support's
 BESIDE_ROBOT = 0.02  # m from the arm's collision spheres within which a point is the arm's
@@ -17,9 +19,6 @@ THIN = 0.05  # m: parts of a footprint narrower than that are handles
 
 def pixels(ctx: ToolContext, camera: CameraObservation, arms: Sequence[ArmState]) -> Mask:
     """Pixels of a camera that show neither the supports, nor the robot, nor anything outside the workspace."""
-    from gap_geometry.checks import valid_depth
-    from gap_geometry.clouds import back_project, to_frame
-
     known = valid_depth(camera.depth)
     points = back_project(camera.depth, camera.intrinsics, known)
     # Most pixels show the floor: their height alone says so, without the whole transform.
@@ -41,10 +40,8 @@ def pixels(ctx: ToolContext, camera: CameraObservation, arms: Sequence[ArmState]
 
 def cloud_of(camera: CameraObservation, mask: Mask) -> Array:
     """World points (N, 3) of the masked pixels."""
-    from gap_geometry.clouds import mask_to_world_points
-
-    points: PointCloud = mask_to_world_points.function(mask, camera.depth, camera.intrinsics, camera.pose)
-    return points.points
+    pixels = mask.data & valid_depth(camera.depth)
+    return to_frame(back_project(camera.depth, camera.intrinsics, pixels), camera.pose)
 
 
 def handle_of(points: Array) -> Array:
@@ -68,9 +65,6 @@ def handle_of(points: Array) -> Array:
 
 
 def _on_robot(ctx: ToolContext, points: Array, arm: ArmState) -> Array:
-    from gap_geometry.clouds import to_frame
-    from gap_motion.kinematics.chain import sphere_centers
-
     spec = ctx.robot()
     centers = to_frame(sphere_centers(spec, arm.joints.positions), ctx.cell.arms[0].base_pose)
     on = np.zeros(len(points), dtype=bool)

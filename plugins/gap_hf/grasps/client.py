@@ -14,14 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from gap_grasps.generate import enough
-from gap_grasps.tools import WorldGrasps
-from gap_hf.grasps.gripper_frame import rigid_grasps, tcp
+from gap_catalogue.grasps import GraspgenPlanFromPointCloud, WorldGrasps
+from gap_catalogue.shared.hand import Hand, clear_of
+from gap_catalogue.shared.point_clouds import require_surface
+from gap_hf.grasps.network_grasps import listed, rigid_grasps, tcp
 from gap_hf.loading import INSTALL
 from gap_hf.wire import packed, unpacked
-from gap_runtime.contracts.failures import BadRequestError, ToolError
+from gap_runtime.contracts.failures import ToolError
 from gap_runtime.contracts.robot import RobotSpec
-from gap_runtime.contracts.types import Array, Se3Pose, Vec3
+from gap_runtime.contracts.types import Array
 
 URL, DEPTH = "GAP_HF_GRASPGEN_URL", "GAP_HF_GRASPGEN_DEPTH"
 DEPTHS = {"franka_panda": 0.10527314}  # m, base of the gripper to its TCP, as the checkpoint's gripper file has it
@@ -29,47 +30,33 @@ TIMEOUT_S = 60.0
 NEAR = 0.01  # m from the target within which scene points are the target's own
 
 
-def plan(
-    robot: RobotSpec,
-    target: Array,
-    scene: Array | None,
-    *,
-    num_grasps: int,
-    top: int,
-    threshold: float,
-    remove_outliers: bool,
-) -> WorldGrasps:
-    """Grasps on the target (N, 3), clear of the scene (M, 3), best first; see `graspgen.plan_from_point_cloud`."""
-    if num_grasps < 1 or top < 1:
-        raise BadRequestError(
-            "range", f"num_grasps is {num_grasps} and topk_num_grasps {top}; both must be at least 1."
-        )
+def plan(robot: RobotSpec, request: GraspgenPlanFromPointCloud) -> WorldGrasps:
+    """Grasps on the target, clear of the scene, best first; see `graspgen.plan_from_point_cloud`."""
+    target = request.target_cloud.points
     target = target[np.isfinite(target).all(axis=1)]
-    enough(target)
+    require_surface(target)
     with Server() as server:
         depth = _depth(server)
         answer = server.ask(
             {
                 "action": "infer",
                 "point_cloud": target.astype(np.float32),
-                "num_grasps": num_grasps,
-                "topk_num_grasps": top,
-                "grasp_threshold": threshold,
-                "remove_outliers": remove_outliers,
+                "num_grasps": request.num_grasps,
+                "topk_num_grasps": request.topk_num_grasps,
+                "grasp_threshold": request.grasp_threshold,
+                "remove_outliers": request.remove_outliers,
             }
         )
-    T, scores = _read(answer)
+    T, scores = rigid_grasps("The GraspGen server", answer.get("grasps"), answer.get("confidences"))
     T = T @ tcp(depth)
-    if scene is not None:
-        free = _clear(robot, T, target, scene)
+    if request.scene_cloud is not None:
+        free = _clear(robot, T, target, request.scene_cloud.points)
         T, scores = T[free], scores[free]
     order = np.argsort(-scores, kind="stable")
-    order = order[scores[order] >= threshold][:top]  # the server repeats itself until it has forty
-    return WorldGrasps(
-        [Se3Pose.of(T[i]) for i in order],
-        [float(scores[i]) for i in order],
-        [Vec3.of(_contact(T[i], target)) for i in order],
-    )
+    # the server repeats itself until it has forty
+    order = order[scores[order] >= request.grasp_threshold][: request.topk_num_grasps]
+    contacts = np.array([_contact(T[i], target) for i in order])
+    return WorldGrasps(*listed(T[order], scores[order], contacts))
 
 
 class Server:
@@ -134,15 +121,9 @@ def _depth(server: Server) -> float:
     return DEPTHS[name]
 
 
-def _read(answer: dict[str, Any]) -> tuple[Array, Array]:
-    return rigid_grasps("The GraspGen server", answer.get("grasps"), answer.get("confidences"))
-
-
 def _clear(robot: RobotSpec, T: Array, target: Array, scene: Array) -> Array:
     """True for each pose whose wide open hand meets nothing of the scene but the target."""
     from scipy.spatial import cKDTree
-
-    from gap_grasps.clearance import Hand, clear_of
 
     scene = scene[np.isfinite(scene).all(axis=1)]
     if not len(scene):

@@ -7,87 +7,60 @@ folder, with its config.yaml and checkpoints/model.pt. Poses come back as the gr
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
-from gap_grasps import tools as contracts
-from gap_grasps.generate import enough
-from gap_grasps.tools import CameraGrasps, in_range, segment_clouds
+from gap_catalogue.grasps import CameraGrasps, GraspnetPlanFromPointCloud, PlanFromDepth
+from gap_catalogue.shared import research_packages as published
+from gap_catalogue.shared.point_clouds import require_surface
 from gap_hf.device import placement
-from gap_hf.grasps import research_packages as published
-from gap_hf.grasps.gripper_frame import PANDA_DEPTH, rigid_grasps, tcp
+from gap_hf.grasps.network_grasps import PANDA_DEPTH, listed, rigid_grasps, tcp
 from gap_hf.loading import DEADLINE_S
 from gap_runtime.contracts.failures import ToolError
 from gap_runtime.contracts.tool import ToolContext, serves
-from gap_runtime.contracts.types import CAMERA, Array, DepthImage, Mask, Matrix3x3, PointCloud, Se3Pose, Vec3
 
 CHECKPOINT = "GAP_HF_GRASPNET"
 TITLE, PACKAGE = "Contact-GraspNet", "contact_graspnet_pytorch"
 REPOSITORY = "the repository elchun/contact_graspnet_pytorch"
 
 
-@serves(contracts.plan_from_depth, provider="hf", deadline_s=DEADLINE_S)
-def plan_from_depth(
-    ctx: ToolContext,
-    depth: DepthImage,
-    intrinsics: Matrix3x3,
-    segmentation: Mask,
-    instance_id: int = 1,
-    z_min: float = 0.2,
-    z_max: float = 2.0,
-    max_retries: int = 7,
-) -> CameraGrasps:
-    """Ask Contact-GraspNet for grasps on the masked part of a depth image, best first, in the camera frame.
+@serves(PlanFromDepth, provider="hf", deadline_s=DEADLINE_S)
+def plan_from_depth(ctx: ToolContext, request: PlanFromDepth) -> CameraGrasps:
+    """By Contact-GraspNet; scores are its confidence in the contact. The cloud is sampled by the episode's seed.
 
-    Poses are T_camera_tcp, scores the network's confidence in the contact. Sampling of the cloud follows the episode's
-    seed. Raises `BadRequestError` (`shape`, `instance_id`), `PerceptionError` (`too_few_points`), `ToolError`
-    (`setting`, `weights`, `extra`, `package`, `answer`).
+    Raises `ToolError` (`setting`, `weights`, `extra`, `package`, `answer`) as well.
     """
-    full, target = segment_clouds(depth, intrinsics, segmentation)
-    return _plan(ctx, full, target, instance_id, (z_min, z_max), max_retries)
+    return _plan(ctx, request)
 
 
-@serves(contracts.plan_from_clouds, provider="hf", deadline_s=DEADLINE_S)
-def plan_from_clouds(
-    ctx: ToolContext,
-    full_cloud: Annotated[PointCloud, CAMERA],
-    segment_cloud: Annotated[PointCloud, CAMERA],
-    instance_id: int = 1,
-    z_min: float = 0.2,
-    z_max: float = 2.0,
-    max_retries: int = 7,
-) -> CameraGrasps:
-    """Ask Contact-GraspNet for grasps on a segment of a scene's cloud, both in the camera frame; see PlanFromDepth."""
-    return _plan(ctx, full_cloud.points, segment_cloud.points, instance_id, (z_min, z_max), max_retries)
+@serves(GraspnetPlanFromPointCloud, provider="hf", deadline_s=DEADLINE_S)
+def plan_from_clouds(ctx: ToolContext, request: GraspnetPlanFromPointCloud) -> CameraGrasps:
+    """By Contact-GraspNet; see PlanFromDepth."""
+    return _plan(ctx, request)
 
 
-def _plan(
-    ctx: ToolContext, full: Array, target: Array, instance_id: int, z_range: tuple[float, float], max_retries: int
-) -> CameraGrasps:
-    full, target = (p[np.isfinite(p).all(axis=1)] for p in in_range(full, target, instance_id, z_range))
-    enough(target)
+def _plan(ctx: ToolContext, request: PlanFromDepth | GraspnetPlanFromPointCloud) -> CameraGrasps:
+    full, target = (p[np.isfinite(p).all(axis=1)] for p in request.clouds())
+    require_surface(target)
     estimator = _estimator()
-    for attempt in range(max(1, max_retries)):
+    for attempt in range(max(1, request.max_retries)):
         with published.running(TITLE, ctx.seed + attempt):
             poses, scores, contacts, _ = estimator.predict_scene_grasps(
                 full.copy(), pc_segments={1: target.copy()}, local_regions=True, filter_grasps=True
             )
         if len(scores.get(1, ())):
-            return _listed(poses[1], scores[1], contacts[1])
+            return _ranked(poses[1], scores[1], contacts[1])
     return CameraGrasps([], [], [])
 
 
-def _listed(poses: object, scores: object, contacts: object) -> CameraGrasps:
+def _ranked(poses: object, scores: object, contacts: object) -> CameraGrasps:
     T, values = rigid_grasps(TITLE, poses, scores)
     points = np.asarray(contacts, dtype=float).reshape(-1, 3)
     if len(points) != len(T):
         raise ToolError("answer", f"{TITLE} sent {len(points)} contacts for {len(T)} grasps.")
-    T = T @ tcp(PANDA_DEPTH)
     order = np.argsort(-values, kind="stable")
-    return CameraGrasps(
-        [Se3Pose.of(T[i]) for i in order], [float(values[i]) for i in order], [Vec3.of(points[i]) for i in order]
-    )
+    return CameraGrasps(*listed((T @ tcp(PANDA_DEPTH))[order], values[order], points[order]))
 
 
 def _estimator() -> Any:

@@ -8,20 +8,19 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
-from gap_grasps import tools as contracts
-from gap_grasps.generate import enough
-from gap_grasps.tools import WorldGrasps
+from gap_catalogue.grasps import M2t2PlanFromPointCloud, WorldGrasps
+from gap_catalogue.shared import research_packages as published
+from gap_catalogue.shared.point_clouds import require_surface
 from gap_hf.device import placement
-from gap_hf.grasps import research_packages as published
-from gap_hf.grasps.gripper_frame import PANDA_DEPTH, rigid_grasps, tcp
+from gap_hf.grasps.network_grasps import PANDA_DEPTH, listed, rigid_grasps, tcp
 from gap_hf.loading import DEADLINE_S
-from gap_runtime.contracts.failures import BadRequestError, ToolError
+from gap_runtime.contracts.failures import ToolError
 from gap_runtime.contracts.tool import ToolContext, serves
-from gap_runtime.contracts.types import WORLD, Array, PointCloud, Se3Pose, Vec3
+from gap_runtime.contracts.types import Array
 
 CHECKPOINT, CONFIG = "GAP_HF_M2T2", "GAP_HF_M2T2_CONFIG"
 TITLE, REPOSITORY = "M2T2", "the repository NVlabs/M2T2"
@@ -29,31 +28,23 @@ MEAN, STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])  # 
 NEAR = 0.01  # m from the target's cloud within which a contact is on the target
 
 
-@serves(contracts.plan_in_scene, provider="hf", deadline_s=DEADLINE_S)
-def plan_in_scene(
-    ctx: ToolContext,
-    scene_cloud: Annotated[PointCloud, WORLD],
-    target_cloud: Annotated[PointCloud, WORLD] | None = None,
-    num_points: int = 16384,
-    grasp_threshold: float = 0.035,
-    max_grasps: int = 200,
-) -> WorldGrasps:
-    """Ask M2T2 for grasps on everything in a scene, or on the target alone, best first.
+@serves(M2t2PlanFromPointCloud, provider="hf", deadline_s=DEADLINE_S)
+def plan_in_scene(ctx: ToolContext, request: M2t2PlanFromPointCloud) -> WorldGrasps:
+    """By M2T2; scores are its confidence in the contact.
 
-    Poses are T_world_tcp, scores the network's confidence in the contact. A grasp is the target's when its contact
-    lies within 1 cm of the target's cloud. `num_points` of the scene are sampled by the episode's seed.
-    Raises `BadRequestError` (`range`), `PerceptionError` (`too_few_points`), `ToolError` (`setting`, `weights`,
-    `extra`, `package`, `answer`).
+    A grasp is the target's when its contact lies within 1 cm of the target's cloud. `num_points` of the scene are
+    sampled by the episode's seed. Raises `ToolError` (`setting`, `weights`, `extra`, `package`, `answer`) as well.
     """
-    if num_points < 1 or max_grasps < 1:
-        raise BadRequestError("range", f"num_points is {num_points} and max_grasps {max_grasps}; at least 1 each.")
-    usable = np.isfinite(scene_cloud.points).all(axis=1)
-    points = scene_cloud.points[usable]
-    enough(points)
-    colours = None if scene_cloud.colors is None else scene_cloud.colors[usable]
+    scene = request.scene_cloud
+    usable = np.isfinite(scene.points).all(axis=1)
+    points = scene.points[usable]
+    require_surface(points)
+    colours = None if scene.colors is None else scene.colors[usable]
     model, settings = _model()
     with published.running(TITLE, ctx.seed):
-        answer = model.infer(_batch(points, colours, num_points, ctx.seed), _thresholds(settings, grasp_threshold))
+        answer = model.infer(
+            _batch(points, colours, request.num_points, ctx.seed), _thresholds(settings, request.grasp_threshold)
+        )
         poses, scores, contacts = (
             _joined(answer[key], shape)
             for key, shape in (("grasps", (-1, 4, 4)), ("grasp_confidence", (-1,)), ("grasp_contacts", (-1, 3)))
@@ -62,12 +53,10 @@ def plan_in_scene(
     if len(contacts) != len(T):
         raise ToolError("answer", f"{TITLE} sent {len(contacts)} contacts for {len(T)} grasps.")
     order = np.argsort(-values, kind="stable")
-    if target_cloud is not None:
-        order = order[_on(contacts[order], target_cloud.points)]
-    order, T = order[:max_grasps], T @ tcp(PANDA_DEPTH)
-    return WorldGrasps(
-        [Se3Pose.of(T[i]) for i in order], [float(values[i]) for i in order], [Vec3.of(contacts[i]) for i in order]
-    )
+    if request.target_cloud is not None:
+        order = order[_on(contacts[order], request.target_cloud.points)]
+    order = order[: request.max_grasps]
+    return WorldGrasps(*listed((T @ tcp(PANDA_DEPTH))[order], values[order], contacts[order]))
 
 
 def _batch(points: Array, colours: Array | None, count: int, seed: int) -> dict[str, Any]:

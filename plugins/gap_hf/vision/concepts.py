@@ -14,7 +14,7 @@ FOUND = 0.5  # score from which an instance is reported, as in the reference imp
 INSIDE = 0.5  # probability from which a pixel belongs to an instance
 
 
-class Instance(NamedTuple):
+class ConceptInstance(NamedTuple):
     """One thing the phrase names: how sure, its mask of the image's size, its box."""
 
     score: float
@@ -27,7 +27,7 @@ def load() -> Network:
     return network("sam3", "Sam3Model", "AutoTokenizer")
 
 
-def instances(image: Image, phrase: str, threshold: float = FOUND) -> list[Instance]:
+def instances(image: Image, phrase: str, threshold: float = FOUND) -> list[ConceptInstance]:
     """What `phrase` names in the image, best first. Raises `BadRequestError` (`prompt`) for more than 32 tokens.
 
     The score is the query's probability times the probability that the concept is in the image at all.
@@ -51,4 +51,4 @@ def instances(image: Image, phrase: str, threshold: float = FOUND) -> list[Insta
         masks = to_array(to_image(found.pred_masks[0, order].float().sigmoid(), image) > INSIDE) if len(order) else ()
         kept = to_array(scores[order].double())
     cut = to_boxes(boxes, image)
-    return [Instance(float(s), m, b) for s, m, b in zip(kept, masks, cut, strict=True) if m.any()]
+    return [ConceptInstance(float(s), m, b) for s, m, b in zip(kept, masks, cut, strict=True) if m.any()]

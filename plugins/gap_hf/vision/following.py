@@ -16,7 +16,7 @@ OBJECT = 1  # a session follows one object
 BOX_CORNERS = (2, 3)  # labels of a box's corners among the prompt points
 
 
-class Seen(NamedTuple):
+class FollowedMask(NamedTuple):
     """The object in one frame: its mask of the frame's size, and the probability that it is in the frame."""
 
     mask: Array
@@ -24,7 +24,7 @@ class Seen(NamedTuple):
 
 
 @dataclass
-class Track:
+class FollowedObject:
     """A session of the network and how far it has come; its lock keeps frames in order."""
 
     session: Any
@@ -38,7 +38,7 @@ def load() -> Network:
     return network("sam3_tracker", "Sam3TrackerVideoModel")
 
 
-def start(image: Image, prompt: Prompt, mask: Array | None = None) -> tuple[Track, Seen]:
+def start(image: Image, prompt: Prompt, mask: Array | None = None) -> tuple[FollowedObject, FollowedMask]:
     """Start to follow what the prompt, or a mask (H, W), holds in the first frame."""
     import torch
     from transformers.models.sam3_tracker_video.modeling_sam3_tracker_video import Sam3TrackerVideoInferenceSession
@@ -57,11 +57,11 @@ def start(image: Image, prompt: Prompt, mask: Array | None = None) -> tuple[Trac
     else:
         session.add_mask_inputs(index, 0, _stretched(square, mask, device))
     session.obj_with_new_inputs = [OBJECT]
-    track = Track(session, 0, (rows, columns), Lock())
+    track = FollowedObject(session, 0, (rows, columns), Lock())
     return track, _step(loaded, track, image)
 
 
-def follow(track: Track, image: Image) -> Seen:
+def follow(track: FollowedObject, image: Image) -> FollowedMask:
     """The object in the next frame. Raises `BadRequestError` (`shape`) for a frame of another size."""
     rows, columns = image.data.shape[:2]
     if (rows, columns) != track.size:
@@ -73,13 +73,13 @@ def follow(track: Track, image: Image) -> Seen:
         return _step(load(), track, image)
 
 
-def stop(track: Track) -> None:
+def stop(track: FollowedObject) -> None:
     """Free what the session holds."""
     with track.lock:
         track.session = None
 
 
-def _step(loaded: Network, track: Track, image: Image) -> Seen:
+def _step(loaded: Network, track: FollowedObject, image: Image) -> FollowedMask:
     with loaded.running() as model:
         pixels = _square(loaded).pixels(image, loaded.place.device)
         found = model(inference_session=track.session, frame=pixels, frame_idx=track.frame)
@@ -87,10 +87,10 @@ def _step(loaded: Network, track: Track, image: Image) -> Seen:
         mask = to_array(to_image(found.pred_masks[:, 0], image)[0] > 0)
         chance = float(found.object_score_logits.float().sigmoid().max())
     track.frame += 1
-    return Seen(mask, chance)
+    return FollowedMask(mask, chance)
 
 
-def _forget(track: Track, config: Any) -> None:
+def _forget(track: FollowedObject, config: Any) -> None:
     """Drop what the network will not look at again: a long track must not fill the memory."""
     session = track.session
     session.processed_frames.clear()

@@ -17,7 +17,7 @@ def ground(image: Image, phrases: list[str], threshold: float) -> list[Detection
     """
     loaded = network("grounding_dino", "GroundingDinoForObjectDetection", "AutoProcessor")
     prompt = ". ".join(phrases).lower() + "."
-    owner = owners(loaded.processor.tokenizer, prompt, phrases)
+    owner = assign_phrases(loaded.processor.tokenizer, prompt, phrases)
     limit = loaded.model.config.max_text_len
     if len(owner) > limit:
         raise BadRequestError(
@@ -39,7 +39,7 @@ def ground(image: Image, phrases: list[str], threshold: float) -> list[Detection
     return [Detection(boxes[i], phrases[owner[best[i]]], float(scores[i])) for i in np.nonzero(scores > threshold)[0]]
 
 
-def owners(tokenizer: object, prompt: str, phrases: list[str]) -> Array:
+def assign_phrases(tokenizer: object, prompt: str, phrases: list[str]) -> Array:
     """For each token of `prompt` ("a. b. c.") the index of its phrase; -1 for full stops and special tokens."""
     spans = tokenizer(prompt, return_offsets_mapping=True)["offset_mapping"]  # type: ignore[operator]
     starts = np.cumsum([0, *(len(p.lower()) + 2 for p in phrases)])

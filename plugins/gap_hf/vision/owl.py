@@ -10,7 +10,7 @@ from gap_runtime.contracts.failures import BadRequestError
 from gap_runtime.contracts.types import Detection, Image
 
 
-def look(image: Image, queries: list[str], threshold: float) -> list[Detection]:
+def owl_detect(image: Image, queries: list[str], threshold: float) -> list[Detection]:
     """Boxes whose likeliest query is above `threshold`, labelled with it.
 
     Raises `BadRequestError` (`prompt`) for a query of more tokens than the text encoder reads.

@@ -75,22 +75,3 @@ def check_image(image: Image) -> None:
     """Raises `BadRequestError` (`empty_image`) for an image without pixels."""
     if 0 in image.data.shape:
         raise BadRequestError("empty_image", f"The image has shape {image.data.shape}: no pixels.")
-
-
-def check_pixel(image: Image, x: int, y: int) -> None:
-    """Raises `BadRequestError` (`outside`) for a pixel outside the image."""
-    rows, columns = image.data.shape[:2]
-    if not (0 <= x < columns and 0 <= y < rows):
-        raise BadRequestError("outside", f"Pixel ({x}, {y}) is outside the {columns}x{rows} image.")
-
-
-def clipped(box: BoundingBox2D, image: Image) -> tuple[float, float, float, float]:
-    """The part of a box inside the image. Raises `BadRequestError`: `box` (no area), `outside`."""
-    rows, columns = image.data.shape[:2]
-    corners = np.array([box.x_min, box.y_min, box.x_max, box.y_max])
-    if not np.isfinite(corners).all() or box.x_max <= box.x_min or box.y_max <= box.y_min:
-        raise BadRequestError("box", f"The box {corners.tolist()} has no area (x_min, y_min, x_max, y_max).")
-    x0, y0, x1, y1 = np.clip(corners, 0, (columns, rows, columns, rows))
-    if x1 <= x0 or y1 <= y0:
-        raise BadRequestError("outside", f"The box {corners.tolist()} lies outside the {columns}x{rows} image.")
-    return float(x0), float(y0), float(x1), float(y1)

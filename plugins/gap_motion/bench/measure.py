@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gap_catalogue.shared.robot_chain import chain
 from gap_motion.bench.problems import GraspProblem, Problem, checker_among
 from gap_motion.bench.verify import Judge
 from gap_motion.collision.checker import Checker
 from gap_motion.failures import joint_range
-from gap_motion.kinematics.chain import chain
 from gap_motion.kinematics.ik import candidates, inside, nearest
 from gap_motion.planning.feasibility import assess
 from gap_motion.planning.free_motion import TRIES, timed, to_grasps

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from gap_catalogue.shared.robot_chain import chain
 from gap_motion.bench import measure
 from gap_motion.bench.goals import goals
 from gap_motion.bench.problems import GraspProblem, Problem, free_space, groceries
 from gap_motion.bench.verify import Judge, Judgement, Tracked
-from gap_motion.kinematics.chain import chain
 from gap_motion.planning.free_motion import Reached, to_grasps, to_joints
 from gap_motion.vamp.arm import DISTRIBUTION, installed, vamp_arm
 from gap_motion.vamp.search import VampSearch

@@ -9,12 +9,12 @@ from typing import cast
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gap_catalogue.shared.robot_chain import chain
 from gap_motion.arguments import ArmModel
 from gap_motion.bench.verify import Shape
 from gap_motion.collision.checker import Checker
 from gap_motion.collision.world import Scene
 from gap_motion.failures import joint_range
-from gap_motion.kinematics.chain import chain
 from gap_motion.kinematics.ik import into_range
 from gap_motion.kinematics.robot_model import make_body
 from gap_motion.planning.goals import within_limits

@@ -7,14 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gap_catalogue.curobo import COLLISION_MARGIN
+from gap_catalogue.shared.robot_chain import Chain
 from gap_motion.collision.sphere_batch import Layout, layout
 from gap_motion.collision.world import Scene
-from gap_motion.kinematics.chain import Chain
 from gap_motion.kinematics.robot_model import Body
 from gap_runtime.contracts.types import Array
 
 PIECE = 64  # configurations worked on at a time: what they need then stays in the processor's cache
-MARGIN = 0.005  # m kept between the robot and the scene
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Checker:
     base: Array
     body: Body
     scene: Scene
-    margin: float = MARGIN
+    margin: float = COLLISION_MARGIN
     allowed: dict[tuple[int, int], float] = field(default_factory=dict)
     room: Array | None = None
     checked: int = 0

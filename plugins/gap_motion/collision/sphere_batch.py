@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gap_motion.kinematics.chain import Chain
+from gap_catalogue.shared.robot_chain import Chain
 from gap_motion.kinematics.robot_model import SMALL, STATIC, Body
 from gap_runtime.contracts.types import Array
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gap_motion.kinematics.chain import Chain
+from gap_catalogue.shared.robot_chain import Chain
 from gap_runtime.contracts.types import Array
 
 POSITION, ROTATION = 1e-5, 1e-4  # m, rad: a pose counts as reached

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gap_motion.kinematics.chain import Chain
+from gap_catalogue.shared.robot_chain import Chain
 from gap_runtime.contracts.types import Array
 
 SHARE = 0.9  # of each torque limit

@@ -12,10 +12,10 @@ from functools import lru_cache, partial
 
 import numpy as np
 
+from gap_catalogue.shared.robot_chain import Chain
 from gap_motion.failures import outside_limits, unreachable
 from gap_motion.kinematics import ik_franka_like as ik_7r
 from gap_motion.kinematics import ik_ur_like as ik_6r
-from gap_motion.kinematics.chain import Chain
 from gap_motion.kinematics.damped_least_squares import descend, spread
 from gap_runtime.contracts.types import Array
 

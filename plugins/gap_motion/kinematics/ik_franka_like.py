@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gap_motion.kinematics.chain import Chain
+from gap_catalogue.shared.robot_chain import Chain
 from gap_runtime.contracts.types import Array
 
 BRANCHES = 8

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gap_catalogue.shared.robot_chain import Chain
 from gap_motion.failures import joint_range
-from gap_motion.kinematics.chain import Chain
 from gap_motion.kinematics.damped_least_squares import spread
 from gap_motion.kinematics.ik import cost
 from gap_runtime.contracts.types import Array

@@ -12,8 +12,8 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from gap_catalogue.shared.robot_chain import Chain
 from gap_motion.failures import joint_range
-from gap_motion.kinematics.chain import Chain
 from gap_motion.kinematics.damped_least_squares import spread
 from gap_runtime.contracts.robot import CollisionSphere
 from gap_runtime.contracts.types import Array

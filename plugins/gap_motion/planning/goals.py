@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from gap_catalogue.shared.robot_chain import Chain
 from gap_motion.collision.checker import Checker
-from gap_motion.kinematics.chain import Chain
 from gap_motion.kinematics.ik import DENSE, candidates, closed_form, cost, inside
 from gap_runtime.contracts.types import Array
 

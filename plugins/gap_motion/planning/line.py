@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from gap_motion.kinematics.chain import Chain
+from gap_catalogue.shared.robot_chain import Chain
 from gap_motion.kinematics.damped_least_squares import descend
 from gap_motion.kinematics.ik import TURN, candidates_at, cost, free_joint_grid, inside, nearest
 from gap_runtime.contracts.failures import PlanningError

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
+from gap_catalogue.curobo import COLLISION_MARGIN
+from gap_catalogue.shared.robot_chain import sphere_centers
 from gap_motion.arguments import ArmModel
-from gap_motion.collision.checker import MARGIN, Checker
+from gap_motion.collision.checker import Checker
 from gap_motion.collision.world import Scene, graspable, make_scene, with_spheres
-from gap_motion.kinematics.chain import sphere_centers
 from gap_motion.kinematics.robot_model import Body, make_body, with_attached
 from gap_runtime.contracts.failures import BadRequestError, PlanningError
 from gap_runtime.contracts.robot import CollisionSphere
@@ -24,6 +26,22 @@ NOTHING_HELD = 1 << 30  # no part has that index
 HELD_CELL = 0.012  # m: half the size of the cells a held object is cut into, each inside one sphere
 
 
+class SceneRequest(Protocol):
+    """What the `curobo.*` requests about one arm among obstacles have in common."""
+
+    @property
+    def arm_id(self) -> int:
+        """Which arm."""
+
+    @property
+    def world_config(self) -> WorldConfig | None:
+        """What is around it."""
+
+    @property
+    def collision_margin(self) -> float:
+        """How far it keeps away [m]."""
+
+
 @dataclass(eq=False)
 class Situation:
     """A cell and its scene. Parts of `body` from `held_from` on are an object in the gripper.
@@ -34,27 +52,22 @@ class Situation:
     cell: ArmModel
     body: Body
     scene: Scene
-    margin: float = MARGIN
+    margin: float = COLLISION_MARGIN
     held_from: int = NOTHING_HELD
     workspace: Array | None = None
 
     @classmethod
-    def of(
-        cls,
-        ctx: ToolContext,
-        arm_id: int,
-        config: WorldConfig | None,
-        margin: float = MARGIN,
-        without: Collection[str] = (),
-    ) -> Situation:
-        """The arm with its jaws as they are now, among the config's obstacles and the other arms of the cell.
+    def of(cls, ctx: ToolContext, request: SceneRequest) -> Situation:
+        """The arm with its jaws as they are now, among the request's obstacles and the other arms of the cell.
 
-        Those count where they are and where they are going.
+        Those count where they are and where they are going. Obstacles in `ignore_obstacle_names`, where the request has
+        it, are left out.
         """
+        arm_id, margin = request.arm_id, request.collision_margin
         if not 0.0 <= margin <= 0.1:
             raise BadRequestError("range", f"collision_margin must be 0 to 0.1 m, got {margin}.")
         cell = ArmModel.of(ctx, arm_id)
-        scene = make_scene(config, without)
+        scene = make_scene(request.world_config, getattr(request, "ignore_obstacle_names", None) or ())
         for other, arm in enumerate(ctx.cell.arms):
             for q in ArmModel(arm, other).whereabouts() if other != arm_id else ():
                 centers = sphere_centers(arm.spec, q, arm.state().gripper.width)

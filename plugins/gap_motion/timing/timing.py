@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from gap_motion.kinematics.chain import Chain
+from gap_catalogue.shared.robot_chain import Chain
 from gap_motion.kinematics.dynamics import torque_stretch
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.types import Array, Trajectory

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from gap_catalogue.shared.robot_chain import Chain
 from gap_motion.failures import joint_range
-from gap_motion.kinematics.chain import Chain
 from gap_motion.kinematics.damped_least_squares import spread
 from gap_runtime.contracts.failures import ToolError
 from gap_runtime.contracts.types import Array

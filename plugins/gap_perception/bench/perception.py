@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from gap_catalogue.shared.frames import remember
 from gap_perception.bench.scenes import LEVELS, Clutter, bench_task, sample_scene
 from gap_perception.bench.truth import judge
-from gap_perception.frames import remember
 from gap_perception.scene.analyse import library_of
 from gap_runtime.contracts.access import node_scope
 from gap_runtime.contracts.cell import Cell

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gap_perception.frames import find
+from gap_catalogue.shared.frames import find
 from gap_runtime.contracts.encoding.codec import from_plain
 from gap_runtime.contracts.failures import BadRequestError
 from gap_runtime.contracts.tool import ToolContext

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gap_perception.frames import find
+from gap_catalogue.shared.frames import find
 from gap_perception.language.vocabulary import Vocabulary
 from gap_runtime.contracts.failures import BadRequestError
 from gap_runtime.contracts.tool import ToolContext

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gap_perception.frames import Scene
+from gap_catalogue.shared.frames import SeenObservation
 from gap_perception.language.vocabulary import Vocabulary, build_vocabulary
 from gap_perception.scene.colours import colour_words, perceptual
 from gap_perception.scene.instance_assignment import Instance, explain
@@ -52,7 +52,7 @@ class Analysis:
         return self.regions[camera][instance]
 
 
-def has_depth(scene: Scene, camera: int) -> bool:
+def has_depth(scene: SeenObservation, camera: int) -> bool:
     """True when a remembered frame measured any distance at all."""
     with scene.lock:
         key = f"has_depth:{camera}"
@@ -86,7 +86,7 @@ def _models_key(task: Task) -> str:
     return hashlib.sha256(described.encode()).hexdigest()[:16]
 
 
-def analyse(ctx: ToolContext, scene: Scene) -> Analysis:
+def analyse(ctx: ToolContext, scene: SeenObservation) -> Analysis:
     """The analysis of a remembered observation; a second call returns the first one's result."""
     with scene.lock:
         if "analysis" not in scene.derived:
@@ -95,7 +95,7 @@ def analyse(ctx: ToolContext, scene: Scene) -> Analysis:
         return result
 
 
-def _analyse(ctx: ToolContext, scene: Scene) -> Analysis:
+def _analyse(ctx: ToolContext, scene: SeenObservation) -> Analysis:
     library = library_of(ctx)
     cameras = scene.observation.cameras
     lifted = [lift(camera, ctx.task.environment) for camera in cameras]

@@ -8,12 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gap_perception.boxes import clipped, fill
+from gap_perception.boxes import fill
 from gap_perception.language.phrases import read_phrase
 from gap_perception.language.relations import matches
 from gap_perception.models.views import Candidate, ImageView, box_of, see
 from gap_perception.scene.colours import hue_histogram, overlap, perceptual
-from gap_perception.segment import check_pixel
 from gap_runtime.contracts.tool import ToolContext
 from gap_runtime.contracts.types import Array, BoundingBox2D, Image, Mask
 
@@ -47,7 +46,7 @@ class Track:
 def start(
     ctx: ToolContext, image: Image, text: str, box: BoundingBox2D | None, point: tuple[int, int] | None
 ) -> tuple[Track, Seen]:
-    """A new track from a phrase, a box or a pixel. Raises `BadRequestError` for a box or pixel outside the image."""
+    """A new track from a phrase, a box or a pixel of the image."""
     view = see(ctx, image)
     if text:
         phrase = read_phrase(text, view.vocabulary)
@@ -55,7 +54,6 @@ def start(
         track = Track(dict(phrase.names) if phrase else {})
         return _updated(track, view, found[0][1], found[0][0]) if found else (track, _nothing(image))
     if point is not None:
-        check_pixel(image, *point)
         hits = [c for c in view.candidates if c.mask[point[1], point[0]]]
         chosen, score = (hits[0], 1.0) if hits else (None, 0.0)
     else:
@@ -80,7 +78,6 @@ def follow(ctx: ToolContext, track: Track, image: Image) -> tuple[Track, Seen]:
 
 
 def _in_box(ctx: ToolContext, image: Image, view: ImageView, box: BoundingBox2D) -> tuple[Candidate | None, float]:
-    clipped(box, image)
     filled = fill(ctx, image, box)
     if not filled:
         return None, 0.0

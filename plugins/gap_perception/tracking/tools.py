@@ -2,104 +2,48 @@
 
 from __future__ import annotations
 
-import hashlib
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-from gap_perception.frames import DEADLINE_S, digest
-from gap_runtime.contracts.failures import BadRequestError, did_you_mean
-from gap_runtime.contracts.tool import ToolContext, tool
-from gap_runtime.contracts.types import BoundingBox2D, Image, Mask
+from gap_catalogue.shared.trackers import check_room, open_tracker, tracker_id
+from gap_catalogue.tracking import CloseTracker, InitTracker, TrackedObject, TrackerStart, UpdateTracker
+from gap_runtime.contracts.tool import ToolContext, serves
 
 if TYPE_CHECKING:
     from gap_perception.tracking.mask_tracking import Track
 
-MAX_TRACKERS = 64
 _KEY = "gap_perception.trackers"
 
 
-class Started(NamedTuple):
-    """A tracker's id and what it saw first: mask, box and score; an empty mask and box when nothing was there."""
-
-    tracker_id: str
-    initial_mask: Mask
-    initial_box: BoundingBox2D
-    score: float
-    object_present: bool
-
-
-class Tracked(NamedTuple):
-    """The object in the new frame; an empty mask and box when it is not there."""
-
-    mask: Mask
-    box: BoundingBox2D
-    confidence: float
-    object_present: bool
-
-
-@tool("sam3_tracker.InitTracker", effect="sense", deadline_s=DEADLINE_S)
-def init_tracker(
-    ctx: ToolContext,
-    image: Image,
-    text: str = "",
-    box: BoundingBox2D | None = None,
-    pixel_x: int = 0,
-    pixel_y: int = 0,
-    use_point: bool = False,
-    object_name: str = "",
-) -> Started:
-    """Start to follow what `text` names, or what a box or (with `use_point`) a pixel of the first frame holds.
-
-    The tracker lives until it is closed or the episode ends.
-    Raises `BadRequestError` unless exactly one of text, box and point is given, and when too many trackers are open.
-    """
+@serves(InitTracker)
+def init_tracker(ctx: ToolContext, request: InitTracker) -> TrackerStart:
     from gap_perception.tracking.mask_tracking import start
 
-    given = [bool(text.strip()), box is not None, use_point]
-    if sum(given) != 1:
-        raise BadRequestError("seed", f"Give exactly one of text, box and point to track; got {sum(given)}.")
     tracks = _tracks(ctx)
-    if len(tracks) >= MAX_TRACKERS:
-        raise BadRequestError("too_many", f"{len(tracks)} trackers are open.", hint="Close some: CloseTracker.")
-    track, seen = start(ctx, image, text, box, (pixel_x, pixel_y) if use_point else None)
-    # Named by content, not by a counter: parallel branches may start trackers in any order.
-    content = f"{digest(image)}{text}{box}{pixel_x},{pixel_y},{use_point}{object_name}".encode()
-    stem = f"{object_name or text or 'object'}-{hashlib.blake2b(content, digest_size=4).hexdigest()}".replace(" ", "_")
-    name, copy = stem, 2
-    while name in tracks:
-        name, copy = f"{stem}-{copy}", copy + 1
+    check_room(tracks)
+    track, seen = start(ctx, request.image, request.text.strip(), request.box, request.point)
+    name = tracker_id(request, tracks)
     tracks[name] = track
-    return Started(name, *seen)
+    return TrackerStart(name, *seen)
 
 
-@tool("sam3_tracker.UpdateTracker", effect="sense", deadline_s=DEADLINE_S)
-def update_tracker(ctx: ToolContext, tracker_id: str, image: Image) -> Tracked:
-    """Find a tracker's object in a new frame. Raises `BadRequestError` for a tracker that is not open."""
+@serves(UpdateTracker)
+def update_tracker(ctx: ToolContext, request: UpdateTracker) -> TrackedObject:
     from gap_perception.tracking.mask_tracking import follow
 
-    track, seen = follow(ctx, _open(ctx, tracker_id), image)
-    _tracks(ctx)[tracker_id] = track
-    return Tracked(*seen)
+    track, seen = follow(ctx, open_tracker(_tracks(ctx), request.tracker_id), request.image)
+    _tracks(ctx)[request.tracker_id] = track
+    return TrackedObject(*seen)
 
 
-@tool("sam3_tracker.CloseTracker", effect="sense")
-def close_tracker(ctx: ToolContext, tracker_id: str) -> None:
-    """Free a tracker. Raises `BadRequestError` for one that is not open."""
-    _open(ctx, tracker_id)
-    _tracks(ctx).pop(tracker_id, None)
+@serves(CloseTracker)
+def close_tracker(ctx: ToolContext, request: CloseTracker) -> None:
+    open_tracker(_tracks(ctx), request.tracker_id)
+    _tracks(ctx).pop(request.tracker_id, None)
 
 
 def _tracks(ctx: ToolContext) -> dict[str, Track]:
     tracks: dict[str, Track] = ctx.state.setdefault(_KEY, {})
     return tracks
-
-
-def _open(ctx: ToolContext, tracker_id: str) -> Track:
-    tracks = _tracks(ctx)
-    if tracker_id not in tracks:
-        raise BadRequestError(
-            "unknown_tracker", f"No tracker {tracker_id!r} is open.", hint=did_you_mean(tracker_id, tracks)
-        )
-    return tracks[tracker_id]
 
 
 TOOLS = (init_tracker, update_tracker, close_tracker)

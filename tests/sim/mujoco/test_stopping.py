@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gap_motion.kinematics.chain import chain
+from gap_catalogue.shared.robot_chain import chain
 from gap_motion.timing.timing import point_to_point
 from gap_mujoco.control.stop_trajectory import braking, stopping
 from gap_runtime.contracts.failures import MotionError

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gap_perception.frames import remember
+from gap_catalogue.shared.frames import remember
 from gap_runtime.contracts.access import node_scope
 from gap_runtime.contracts.encoding.codec import to_plain
 from gap_runtime.contracts.failures import BadRequestError, PrivilegedReadError, ToolError, UnknownNameError

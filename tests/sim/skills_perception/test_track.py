@@ -104,7 +104,9 @@ class Watched:
         for key, answer in self.answers:
             frame = self.frames[key]
             camera, box = frame.observation.cameras[0], frame.snapshot.bodies[name].box
-            points = mask_to_world_points.function(answer.mask, camera.depth, camera.intrinsics, camera.pose).points
+            points = mask_to_world_points(
+                None, mask=answer.mask, depth=camera.depth, intrinsics=camera.intrinsics, camera_pose=camera.pose
+            ).points
             local = (points - box.center.array) @ box.orientation.rotation.as_matrix()
             outside = np.maximum(np.abs(local) - box.extent.array, 0)
             found.append((frame.time, answer.object_present, float(np.linalg.norm(outside, axis=1).mean())))
@@ -117,12 +119,12 @@ def watch(kitchen):
         world = kitchen.cell("groceries", milk=(*SPOT, 0), alphabet_soup=(-0.15, 0.05, 0), basket=(0.1, 0.3, 0))
         seen = Watched(world)
 
-        def started(ctx, **inputs):
+        def started(ctx, inputs):
             seen.state = ctx.state
-            return REGISTRY.tool(INIT).function(ctx, **inputs)
+            return REGISTRY.tool(INIT).call(ctx, inputs)
 
-        def updated(ctx, **inputs):
-            value = REGISTRY.tool(UPDATE).function(ctx, **inputs)
+        def updated(ctx, inputs):
+            value = REGISTRY.tool(UPDATE).call(ctx, inputs)
             seen.answers.append((inputs["image"].data.tobytes(), value))
             return value
 
@@ -130,7 +132,7 @@ def watch(kitchen):
         def read(ctx: ToolContext, mask: Mask) -> None:
             """Waits for a snapshot and reads it."""
 
-        spied = {name: replace(REGISTRY.tool(name), function=f) for name, f in ((INIT, started), (UPDATE, updated))}
+        spied = {name: replace(REGISTRY.tool(name), call=f) for name, f in ((INIT, started), (UPDATE, updated))}
         tools = {**REGISTRY.tools, "test.Read": read, **spied}
         workflow = carrying(text, **options)
         skills = {"carry": CARRY, "track-object": LIBRARY["track-object"].contract}

@@ -56,7 +56,4 @@ def library(**extra):
 
 def tools(**extra):
     """Tool specs by name with nothing but an effect."""
-    return {
-        name: ToolSpec(name, (), None, {}, effect, (), 1.0, False, False, "", "")
-        for name, effect in {**EFFECTS, **extra}.items()
-    }
+    return {name: ToolSpec(name, (), None, {}, effect, (), 1.0) for name, effect in {**EFFECTS, **extra}.items()}

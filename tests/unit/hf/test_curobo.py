@@ -10,11 +10,11 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from gap_hf import curobo_search
-from gap_hf.grasps import research_packages as published
+from gap_catalogue.shared import research_packages as published
+from gap_catalogue.shared.robot_chain import chain
 from gap_motion.bench.problems import free_space
 from gap_motion.bench.verify import Judge
-from gap_motion.kinematics.chain import chain
+from gap_motion.curobo import search as curobo_search
 from gap_motion.planning.free_motion import timed
 from gap_motion.planning.motion_validator import Edges
 from gap_motion.planning.planner import plan

@@ -8,7 +8,7 @@ import torch
 
 from gap_hf.loading import network
 from gap_hf.vision import detect
-from gap_hf.vision.grounding import owners
+from gap_hf.vision.grounding import assign_phrases
 from gap_runtime.contracts.failures import BadRequestError
 from gap_runtime.contracts.types import BoundingBox2D, Image
 from tests.unit.hf import tiny
@@ -130,7 +130,7 @@ def test_one_query_is_answered_as_among_others(serve, ctx):
 def test_words_belong_to_their_phrase(serve):
     serve("grounding_dino")
     phrases = ["Red can", "the basket", "milk"]
-    owner = owners(loaded("grounding_dino").processor.tokenizer, "red can. the basket. milk.", phrases)
+    owner = assign_phrases(loaded("grounding_dino").processor.tokenizer, "red can. the basket. milk.", phrases)
     assert owner.tolist() == [-1, 0, 0, -1, 1, 1, -1, 2, -1, -1]
 
 

@@ -9,8 +9,8 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from gap_catalogue.shared import research_packages as published
 from gap_hf.grasps import graspnet, m2t2
-from gap_hf.grasps import research_packages as published
 from gap_runtime.contracts.failures import BadRequestError, PerceptionError, ToolError
 from gap_runtime.contracts.types import DepthImage, Mask, Matrix3x3, PointCloud
 from tests.unit.hf import packages

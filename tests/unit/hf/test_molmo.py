@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from gap_catalogue.shared.frames import remember
 from gap_hf.language import generation, molmo
-from gap_perception.frames import remember
 from gap_runtime.contracts.failures import BadRequestError, CancelledError, PerceptionError
 from gap_runtime.contracts.types import (
     CameraObservation,

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gap_hf.vision.pixels import HALVES, IMAGENET, Square, bounds, check_image, clipped, to_array, to_boxes, to_image
+from gap_catalogue.checks import clipped
+from gap_hf.vision.pixels import HALVES, IMAGENET, Square, bounds, check_image, to_array, to_boxes, to_image
 from gap_runtime.contracts.failures import BadRequestError
 from gap_runtime.contracts.types import BoundingBox2D, Image
 from tests.unit.hf import tiny

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gap_hf.language.pointing import pixel, points
+from gap_hf.language.parsing import pixel, points
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gap_hf.vision import concepts, following, tracker
-from gap_hf.vision.concepts import Instance
-from gap_hf.vision.following import Seen
+from gap_hf.vision.concepts import ConceptInstance
+from gap_hf.vision.following import FollowedMask
 from gap_runtime.contracts.failures import BadRequestError
 from gap_runtime.contracts.types import BoundingBox2D, Image
 from tests.unit.hf import tiny
@@ -83,7 +83,7 @@ def test_a_long_track_holds_no_more_than_the_network_looks_at(served):
 def test_an_object_named_by_text_is_awaited_until_it_shows(served, ctx, monkeypatch):
     mask = np.zeros((60, 100), bool)
     mask[10:30, 20:60] = True
-    shows = iter([[], [], [Instance(0.9, mask, BOX)]])
+    shows = iter([[], [], [ConceptInstance(0.9, mask, BOX)]])
     monkeypatch.setattr(concepts, "instances", lambda image, text: next(shows))
     started = begin(ctx, text="red can", object_name="can")
     assert started.tracker_id.startswith("can-")
@@ -97,7 +97,7 @@ def test_an_object_named_by_text_is_awaited_until_it_shows(served, ctx, monkeypa
 def test_an_absent_object_has_an_empty_mask(served, ctx, monkeypatch):
     started = begin(ctx, box=BOX)
     full = np.ones((60, 100), bool)
-    monkeypatch.setattr(following, "follow", lambda track, image: Seen(full, 0.2))
+    monkeypatch.setattr(following, "follow", lambda track, image: FollowedMask(full, 0.2))
     seen = update(ctx, started.tracker_id, frame(1))
     assert not seen.object_present and not seen.mask.data.any() and seen.confidence == 0.2
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gap_motion.kinematics.chain import chain
+from gap_catalogue.shared.robot_chain import chain
 from gap_runtime.contracts.arm import Setpoint
 from gap_runtime.contracts.types import (
     ArmState,
@@ -20,6 +20,7 @@ from gap_runtime.contracts.types import (
 from gap_runtime.plugins import load_registry
 
 REGISTRY = load_registry(("gap_robots", "gap_motion"), entry_points=False)
+ALONE = SimpleNamespace(arm_id=0, world_config=None, collision_margin=0.005)  # a request about the arm and nothing else
 BASE = Se3Pose(Vec3(-0.6, 0.1, 0.0), Quaternion(0.9553364891256060, 0.0, 0.0, 0.2955202066613396))
 
 

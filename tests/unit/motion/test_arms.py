@@ -10,7 +10,7 @@ from gap_motion.timing.timing import Limits, point_to_point
 from gap_runtime.contracts.arm import Setpoint
 from gap_runtime.contracts.failures import BadRequestError, MotionError, PlanningError
 from gap_runtime.contracts.types import ActionChunk, JointState, Quaternion, Se3Pose, Vec3
-from tests.unit.motion.conftest import IdealArm
+from tests.unit.motion.conftest import ALONE, IdealArm
 
 OPPOSITE = Se3Pose(Vec3(0.9, 0.1, 0.0), Quaternion(0.2955202066613396, 0.0, 0.0, -0.9553364891256060))
 
@@ -100,10 +100,10 @@ def test_where_another_arm_is_going_counts_too(beside):
 
 def test_a_planner_sees_another_arm_where_it_is_and_where_it_is_going(beside):
     arm = beside.arms[1]
-    standing = Situation.of(beside.context, 0, None).scene
+    standing = Situation.of(beside.context, ALONE).scene
     assert all(name.startswith("arm:1:") for name in standing.names)
     arm.setpoint = lambda: Setpoint(arm.q, arm.q * 0, arm.q * 0, arm.q - np.pi / 2 * np.eye(arm.spec.dof)[0])
-    going = Situation.of(beside.context, 0, None).scene
+    going = Situation.of(beside.context, ALONE).scene
     assert len(going.names) == 2 * len(standing.names) == 2 * len(arm.spec.spheres)
 
 

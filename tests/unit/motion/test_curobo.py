@@ -4,7 +4,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from gap_motion.kinematics.chain import chain
+from gap_catalogue.shared.robot_chain import chain
 from gap_motion.planning.cartesian_constraints import directed_end, held_end
 from gap_runtime.contracts.failures import BadRequestError, PlanningError
 from gap_runtime.contracts.types import (

@@ -66,7 +66,7 @@ def test_out_of_reach_says_how_far(spec, arm):
 
 
 def test_a_pose_only_beyond_a_limit_names_the_joint(robot):
-    from gap_motion.kinematics.chain import chain
+    from gap_catalogue.shared.robot_chain import chain
 
     spec = robot("panda")
     arm, q = chain(spec), np.array([0.7, 2.3, -0.3, -0.2, 0.0, -0.42, 0.7])

@@ -2,7 +2,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from gap_motion.kinematics.chain import chain, sphere_centers
+from gap_catalogue.shared.robot_chain import chain, sphere_centers
 from gap_runtime.contracts.failures import BadRequestError
 from tests.unit.motion.conftest import random_joints
 

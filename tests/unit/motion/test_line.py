@@ -49,7 +49,7 @@ def test_the_tcp_keeps_to_the_speed_asked_for(here):
 
 
 def test_an_upright_upper_arm_is_passed_through(robot):
-    from gap_motion.kinematics.chain import chain
+    from gap_catalogue.shared.robot_chain import chain
 
     arm = chain(robot("panda"))
     q = np.array([-0.03, 0.014, -0.123, -2.507, 0.003, 2.521, 1.246])

@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from gap_catalogue.shared.robot_chain import chain
 from gap_motion.kinematics import ik
-from gap_motion.kinematics.chain import chain
 from gap_robots import menagerie
 from gap_robots.panda import FOLDER as PANDA
 from gap_robots.ur5e import FOLDER as UR5E

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from gap_catalogue.shared.robot_chain import chain, sphere_centers
 from gap_motion.collision.checker import Checker
 from gap_motion.collision.primitives import Box, Primitives, solid_boxes, yielding
 from gap_motion.collision.world import Field, make_scene, with_spheres
-from gap_motion.kinematics.chain import chain, sphere_centers
 from gap_motion.kinematics.robot_model import STATIC, make_body
 from gap_motion.vamp.scene import environment, euler_xyz
 from gap_runtime.contracts.types import Obstacle, OrientedBoundingBox, Quaternion, Vec3, WorldConfig

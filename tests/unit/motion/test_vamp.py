@@ -10,9 +10,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from gap_catalogue.shared.robot_chain import chain, sphere_centers
 from gap_motion.bench.problems import checker_among
 from gap_motion.bench.verify import Shape
-from gap_motion.kinematics.chain import chain, sphere_centers
 from gap_motion.planning.motion_validator import Edges
 from gap_motion.planning.planner import plan
 from gap_motion.vamp import arm as arms

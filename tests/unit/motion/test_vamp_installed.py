@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from gap_catalogue.shared.robot_chain import chain
 from gap_motion.bench.problems import cage, free_space
 from gap_motion.collision.primitives import Box, Primitives
-from gap_motion.kinematics.chain import chain
 from gap_motion.planning.motion_validator import Edges
 from gap_motion.planning.planner import plan
 from gap_motion.vamp.arm import installed, library, vamp_arm

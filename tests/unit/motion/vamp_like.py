@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gap_motion.kinematics.chain import chain, sphere_centers
+from gap_catalogue.shared.robot_chain import chain, sphere_centers
 
 
 class Sphere:

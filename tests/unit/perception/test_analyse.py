@@ -6,7 +6,7 @@ import threading
 import time
 from types import SimpleNamespace
 
-from gap_perception.frames import remember
+from gap_catalogue.shared.frames import remember
 from gap_perception.scene import analyse
 from tests.unit.perception.test_frames import observation
 

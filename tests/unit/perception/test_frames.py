@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from gap_perception.frames import KEEP, find, latest, remember
+from gap_catalogue.shared.frames import KEEP, find, latest, remember
 from gap_runtime.contracts.types import (
     CameraObservation,
     DepthImage,

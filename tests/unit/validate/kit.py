@@ -28,7 +28,7 @@ def tool(name, effect, inputs, result, resources=(), **flags):
     fields = {n: TypeRef.parse(t) for n, t in result.items()} if isinstance(result, dict) else {}
     output = TypeRef.parse(result) if isinstance(result, str) else None
     more = {"deadline_s": 10.0, "privileged": False, "streaming": False} | flags
-    return ToolSpec(name, parameters, output, fields, effect, tuple(resources), **more, summary=name, doc=name)
+    return ToolSpec(name, parameters, output, fields, effect, tuple(resources), **more, doc=name)
 
 
 ARM = {"arm_id": ("int", 0)}

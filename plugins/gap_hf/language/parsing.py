@@ -1,12 +1,24 @@
-"""Reads the points Molmo writes into its answers, of both generations."""
+"""Reads what language models answer: yes or no, and the points Molmo writes, of both generations."""
 
 from __future__ import annotations
 
 import re
 
+from gap_runtime.contracts.failures import PerceptionError
+
+ASK = "Answer with yes or no only."
+_FIRST = re.compile(r"[\s*_`\"'(]*(yes|no)\b", re.IGNORECASE)
 _TAG = re.compile(r'<(?:points?|tracks)\b[^>]*?\bcoords="([^"]*)"')
 _IN_TAG = re.compile(r"(?<!\d)(\d+) (\d{3,4}) (\d{3,4})(?!\d)")  # index, x, y in thousandths of the image
 _PERCENT = re.compile(r'\bx\d*="\s*(\d+(?:\.\d+)?)"\s+y\d*="\s*(\d+(?:\.\d+)?)"')
+
+
+def yes_or_no(answer: str) -> bool:
+    """True for an answer that begins with yes, False with no. Raises `PerceptionError` (`cannot_answer`) otherwise."""
+    first = _FIRST.match(answer)
+    if first is None:
+        raise PerceptionError("cannot_answer", f"The model answered {answer.strip()[:120]!r}: neither yes nor no.")
+    return first[1].lower() == "yes"
 
 
 def points(answer: str) -> list[tuple[float, float]]:

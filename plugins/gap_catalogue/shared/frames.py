@@ -1,4 +1,4 @@
-"""The frames an episode has seen, found again by the pixels of an image: tools that receive an image need its depth."""
+"""The observations of an episode, found again by the pixels of an image: tools given an image need its depth too."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gap_runtime.contracts.tool import OBSERVED
+from gap_runtime.contracts.failures import BadRequestError
+from gap_runtime.contracts.tool import OBSERVED, ToolContext
 from gap_runtime.contracts.types import CameraObservation, Image, Observation
 
 KEEP = 6  # observations; a node looks at the latest, a comparison at the one before
-DEADLINE_S = 30.0  # of a tool that looks at frames: the first look in a process renders the object models
-_KEY, _STREAMED = "gap_perception.frames", "gap_perception.streamed"
+_KEY, _STREAMED = "frames", "frames.streamed"  # in `ToolContext.state`
 
 
 @dataclass
-class Scene:
+class SeenObservation:
     """One remembered observation and what has been worked out from it so far, under its lock."""
 
     observation: Observation
@@ -28,10 +28,10 @@ class Scene:
     lock: Any = field(default_factory=RLock, repr=False)
 
 
-class Found(NamedTuple):
+class FoundFrame(NamedTuple):
     """Where an image came from: the scene, the camera's index, and the top left pixel (x, y) when it is a crop."""
 
-    scene: Scene
+    scene: SeenObservation
     camera_index: int
     offset: tuple[int, int]
 
@@ -42,10 +42,10 @@ class Found(NamedTuple):
 
 
 @dataclass
-class Memory:
+class FrameMemory:
     """The latest observations of one episode, oldest first, by the digests of their images."""
 
-    scenes: OrderedDict[tuple[str, ...], Scene] = field(default_factory=OrderedDict)
+    scenes: OrderedDict[tuple[str, ...], SeenObservation] = field(default_factory=OrderedDict)
     lock: Any = field(default_factory=Lock, repr=False)
 
 
@@ -56,19 +56,19 @@ def digest(image: Image) -> str:
     return hashed.hexdigest()
 
 
-def remember(state: dict[str, Any], observation: Observation) -> Scene:
+def remember(state: dict[str, Any], observation: Observation) -> SeenObservation:
     """Keep an observation for this episode; the same pixels seen twice are one scene."""
-    return _keep(state.setdefault(_KEY, Memory()), observation)
+    return _keep(state.setdefault(_KEY, FrameMemory()), observation)
 
 
-def _keep(memory: Memory, observation: Observation) -> Scene:
+def _keep(memory: FrameMemory, observation: Observation) -> SeenObservation:
     key = tuple(digest(c.rgb) for c in observation.cameras)
     with memory.lock:
         known = memory.scenes.get(key)
         if known is not None and known.observation == observation:
             memory.scenes.move_to_end(key)
             return known
-        scene = Scene(observation, key)
+        scene = SeenObservation(observation, key)
         memory.scenes[key] = scene
         memory.scenes.move_to_end(key)
         while len(memory.scenes) > KEEP:
@@ -76,35 +76,55 @@ def _keep(memory: Memory, observation: Observation) -> Scene:
         return scene
 
 
-def latest(state: dict[str, Any]) -> Scene | None:
+def latest(state: dict[str, Any]) -> SeenObservation | None:
     """The observation made last in this episode, if any."""
-    memory: Memory | None = state.get(_KEY)
+    memory: FrameMemory | None = state.get(_KEY)
     if memory is None:
         return None
     with memory.lock:
         return next(reversed(memory.scenes.values()), None)
 
 
-def find(state: dict[str, Any], image: Image) -> Found | None:
+def find(state: dict[str, Any], image: Image) -> FoundFrame | None:
     """The frame this very image was taken from, or cut out of; None for an image never observed in this episode."""
     scenes, key = [*_scenes(state.get(_KEY)), *_streamed(state)], digest(image)
     for scene in scenes:
         if key in scene.digests:
-            return Found(scene, scene.digests.index(key), (0, 0))
+            return FoundFrame(scene, scene.digests.index(key), (0, 0))
     for scene in scenes:
         for index, camera in enumerate(scene.observation.cameras):
             offset = _crop_offset(image, camera.rgb)
             if offset is not None:
-                return Found(scene, index, offset)
+                return FoundFrame(scene, index, offset)
     return None
 
 
-def _streamed(state: dict[str, Any]) -> list[Scene]:
+def images_meant(ctx: ToolContext, image: Image | None, every_camera: bool = False) -> list[Image]:
+    """The images a request is about: the given one, else the latest observation's first camera; or all its cameras'.
+
+    Raises `BadRequestError` (`no_image`) when none was given and nothing was observed yet in this episode.
+    """
+    if image is not None and not every_camera:
+        return [image]
+    found = None if image is None else find(ctx.state, image)
+    if image is not None and found is None:
+        return [image]
+    seen = found.scene if found else latest(ctx.state)
+    if seen is None or not seen.observation.cameras:
+        raise BadRequestError(
+            "no_image", "There is no image: none was given and nothing was observed yet.",
+            hint="Call observation.GetObservation first, or pass an image.",
+        )  # fmt: skip
+    images = [camera.rgb for camera in seen.observation.cameras]
+    return images if every_camera else images[:1]
+
+
+def _streamed(state: dict[str, Any]) -> list[SeenObservation]:
     """What nodes took from the observation stream, newest first; kept apart, so that it displaces no other frame."""
     observed = tuple(state.get(OBSERVED, ()))
     if not observed:
         return []
-    memory: Memory = state.setdefault(_STREAMED, Memory())
+    memory: FrameMemory = state.setdefault(_STREAMED, FrameMemory())
     known = _scenes(memory)
     for observation in observed:
         if all(scene.observation is not observation for scene in known):
@@ -112,7 +132,7 @@ def _streamed(state: dict[str, Any]) -> list[Scene]:
     return _scenes(memory)
 
 
-def _scenes(memory: Memory | None) -> list[Scene]:
+def _scenes(memory: FrameMemory | None) -> list[SeenObservation]:
     """Newest first."""
     if memory is None:
         return []

@@ -1,4 +1,4 @@
-"""Does the open hand fit? Fingers as boxes and the palm as its collision spheres, against points and the support."""
+"""A robot's open hand, fingers as boxes and palm as spheres: which points are near it, and where it fits."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from gap_grasps.neighbour_objects import nearby
+from gap_catalogue.shared.robot_chain import chain as chain_of
 from gap_runtime.contracts.robot import GripperSpec, RobotSpec
 from gap_runtime.contracts.types import Array
 
@@ -16,6 +16,7 @@ FINGER_GAP = 0.0015  # m the fingers stay away from points, and
 PALM_GAP = 0.002  # m the palm does: half a pixel's error
 SHADOW = 0.06  # m of straight approach on which the fingers must be free
 COARSELY = 5  # every which point is looked at first
+ELEMENTS = 2_000_000  # of a poses-by-points table looked at together: what fits the caches and the memory
 STRAY = 2  # points in the hand's way that are no obstacle: noise puts some anywhere
 
 
@@ -29,8 +30,6 @@ class Hand(NamedTuple):
     @classmethod
     def of(cls, spec: RobotSpec) -> Hand:
         """The hand of a robot: the collision spheres of its flange link, and of what is fixed to that."""
-        from gap_motion.kinematics.chain import chain as chain_of
-
         chain = chain_of(spec)
         fixed = {n: k for n, k in chain.links.items() if k.frame == chain.dof - 1 and not k.slide.any()}
         T_tcp_frame = np.linalg.inv(chain.tcp)
@@ -85,3 +84,33 @@ def above(floor: float, T_tcp: Array, hand: Hand, gap: float = SUPPORT_GAP) -> A
         spheres = T_tcp[:, 2, 3, None] - down @ hand.centers.T - hand.radii
         lowest = np.minimum(lowest, spheres.min(axis=1))
     return np.asarray(lowest >= floor + gap)
+
+
+class Nearby(NamedTuple):
+    """Pairs of a pose and a point in the box around it, sorted by pose: indices (R,) and (R,), and the point in the
+    pose's frame (R, 3), single precision."""
+
+    pose: Array
+    point: Array
+    local: Array
+
+
+def nearby(points: Array, T: Array, low: Array, high: Array) -> Nearby:
+    """All points (N, 3) within the box from `low` to `high` (3,) of the frame of each pose T (K, 4, 4)."""
+    points, T = points.astype(np.float32), T.astype(np.float32)
+    poses, indices, locals_ = [], [], []
+    batch = max(1, ELEMENTS // max(len(points), 1))
+    for start in range(0, len(T), batch):
+        R, p = T[start : start + batch, :3, :3], T[start : start + batch, :3, 3]
+        origin = np.einsum("ki,kij->kj", p, R)
+        axes = [R[:, :, axis] @ points.T - origin[:, axis, None] for axis in range(3)]
+        inside = np.ones(axes[0].shape, dtype=bool)
+        for axis, values in enumerate(axes):
+            inside &= (values >= low[axis]) & (values <= high[axis])
+        pose, point = np.nonzero(inside)
+        poses.append(pose + start)
+        indices.append(point)
+        locals_.append(np.stack([values[pose, point] for values in axes], axis=1))
+    if not poses:
+        return Nearby(np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros((0, 3), dtype=np.float32))
+    return Nearby(np.concatenate(poses), np.concatenate(indices), np.concatenate(locals_))

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gap_hf.grasps import research_packages as published
+from gap_catalogue.shared import research_packages as published
+from gap_catalogue.shared.robot_chain import Chain
 from gap_motion.collision.checker import Checker
 from gap_motion.collision.primitives import Box, Primitives
 from gap_motion.failures import joint_range
-from gap_motion.kinematics.chain import Chain
 from gap_motion.kinematics.damped_least_squares import spread
 from gap_motion.planning.motion_validator import Edges
 from gap_motion.planning.planner import shortcut
