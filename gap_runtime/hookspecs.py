@@ -65,7 +65,8 @@ def gap_register_engines(register: Register) -> None:
 
 @hookspec
 def gap_register_benchmarks(register: Register) -> None:
-    """register(name, function): what `gap bench` can run; function(progress) -> BenchReport (contracts/bench.py)."""
+    """register(name, function): what `gap bench` can run; function(bench: BenchContext) -> BenchReport, both
+    of contracts/bench.py."""
 
 
 @hookspec

@@ -1,6 +1,6 @@
 """The engine's own benchmarks, registered like anyone's."""
 
-from gap_runtime.contracts.bench import BenchReport, Progress
+from gap_runtime.contracts.bench import BenchContext, BenchReport
 from gap_runtime.hookspecs import Register, hookimpl
 
 
@@ -12,22 +12,22 @@ def gap_register_benchmarks(register: Register) -> None:
     register("jail", _jail)
 
 
-def _graph(progress: Progress) -> BenchReport:
+def _graph(bench: BenchContext) -> BenchReport:
     """What a node costs, beside LangGraph and py_trees."""
     from gap_cli.bench.graph import run
 
-    return run(progress)
+    return run(bench)
 
 
-def _validate(progress: Progress) -> BenchReport:
+def _validate(bench: BenchContext) -> BenchReport:
     """What it costs to judge, compile and draw a graph."""
     from gap_cli.bench.validate import run
 
-    return run(progress)
+    return run(bench)
 
 
-def _jail(progress: Progress) -> BenchReport:
+def _jail(bench: BenchContext) -> BenchReport:
     """What the jail costs an inline script."""
     from gap_cli.bench.jail import run
 
-    return run(progress)
+    return run(bench)

@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from typing import Annotated, Any, TypedDict
 
 from gap_cli.bench.timing import time_in_turns
-from gap_runtime.contracts.bench import BenchReport, Progress
+from gap_runtime.contracts.bench import BenchContext, BenchReport
 from gap_runtime.graph.model import Workflow
 from gap_runtime.run.execute import RunSetup, run_graph
 from gap_runtime.testing import compile_fake, fake_workflow
@@ -22,7 +22,7 @@ GOAL_US = 10.0  # per node, one after the other
 Subject = Callable[[], object]
 
 
-def run(progress: Progress) -> BenchReport:
+def run(bench: BenchContext) -> BenchReport:
     """Microseconds per node, whole runs from start to end."""
     subjects: dict[tuple[str, str], Subject] = {}
     for shape, names in (("chain", _chain()), ("fan-out", _fan_out())):
@@ -31,7 +31,7 @@ def run(progress: Progress) -> BenchReport:
     for name, available, make in (("LangGraph", "langgraph", _langgraph), ("py_trees", "py_trees", _py_trees)):
         if find_spec(available) is not None:
             subjects |= {(name, shape): make(shape) for shape in ("chain", "fan-out")}
-    timings = time_in_turns({f"{engine}, {shape}": call for (engine, shape), call in subjects.items()}, progress)
+    timings = time_in_turns({f"{engine}, {shape}": call for (engine, shape), call in subjects.items()}, bench)
     rows = []
     for engine, shape in subjects:
         t = timings[f"{engine}, {shape}"]

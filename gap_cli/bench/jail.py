@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from gap_cli.bench.timing import time_in_turns
-from gap_runtime.contracts.bench import BenchReport, Progress
+from gap_runtime.contracts.bench import BenchContext, BenchReport
 
 CALLS = 200
 START_GOAL_MS, CALL_GOAL_US = 25.0, 100.0
@@ -19,7 +19,7 @@ def run(ctx, calls: int) -> int:
 """
 
 
-def run(progress: Progress) -> BenchReport:
+def run(bench: BenchContext) -> BenchReport:
     """Milliseconds per script, microseconds per tool call."""
     from gap_cli.sandbox import ScriptJail
 
@@ -31,7 +31,7 @@ def run(progress: Progress) -> BenchReport:
             return jail.run(script, {"calls": calls}, lambda name, inputs: None, 60.0)
 
         level = jail.level()
-        timings = time_in_turns({"start": lambda: start(0), "calls": lambda: start(CALLS)}, progress)
+        timings = time_in_turns({"start": lambda: start(0), "calls": lambda: start(CALLS)}, bench)
     began, called = timings["start"], timings["calls"]
     per_call = [1e6 * max(0.0, c - s) / CALLS for c, s in ((called.median, began.median), (called.best, began.best))]
     return BenchReport(

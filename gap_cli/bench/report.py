@@ -14,12 +14,12 @@ from gap_runtime.contracts.bench import BenchReport
 SCHEMA = "gap/bench/v1"
 
 
-def as_data(name: str, report: BenchReport) -> dict[str, Any]:
+def as_data(name: str, report: BenchReport, command: str = "") -> dict[str, Any]:
     """Plain data: the tables, and what is needed to believe them."""
     data: dict[str, Any] = {
         "schema": SCHEMA,
         "benchmark": name,
-        "command": f"gap bench {name}",
+        "command": command or f"gap bench {name}",
         "title": report.title,
         "columns": list(report.columns),
         "rows": [list(row) for row in report.rows],

@@ -8,9 +8,9 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from gap_runtime.contracts.bench import Progress
+from gap_runtime.contracts.bench import BenchContext
 
-ROUNDS = 25
+ROUNDS = 25  # unless the context asks for another number
 ROUND_S = 0.02  # s: a measurement repeats its subject until it takes about this long
 
 
@@ -25,20 +25,21 @@ class Timing:
     cpu: float
 
 
-def time_in_turns(subjects: Mapping[str, Callable[[], object]], progress: Progress) -> dict[str, Timing]:
+def time_in_turns(subjects: Mapping[str, Callable[[], object]], bench: BenchContext) -> dict[str, Timing]:
     """Time each subject once per round. Garbage collection runs between rounds, not in them."""
     repeats = {name: _repeats(call) for name, call in subjects.items()}
     seconds: dict[str, list[tuple[float, float]]] = {name: [] for name in subjects}
-    for round_ in range(ROUNDS):
+    rounds = bench.n or ROUNDS
+    for round_ in range(rounds):
         for i, (name, call) in enumerate(subjects.items()):
-            progress((round_ + i / len(subjects)) / ROUNDS, name)
+            bench.progress((round_ + i / len(subjects)) / rounds, name)
             gc.collect()
             gc.disable()
             try:
                 seconds[name].append(_timed(call, repeats[name]))
             finally:
                 gc.enable()
-    progress(1.0, "")
+    bench.progress(1.0, "")
     return {name: _summary(values) for name, values in seconds.items()}
 
 

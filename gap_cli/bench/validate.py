@@ -6,7 +6,7 @@ from gap_cli.bench.timing import time_in_turns
 from gap_cli.render.drawing import drawing
 from gap_cli.testing import make_catalog
 from gap_cli.validate.validator import validate
-from gap_runtime.contracts.bench import BenchReport, Progress
+from gap_runtime.contracts.bench import BenchContext, BenchReport
 from gap_runtime.graph.dump import dump_workflow
 from gap_runtime.graph.load import parse_workflow
 from gap_runtime.graph.model import Workflow
@@ -17,7 +17,7 @@ WIDTH = 4  # branches side by side between two joins
 GOAL_MS = 20.0
 
 
-def run(progress: Progress) -> BenchReport:
+def run(bench: BenchContext) -> BenchReport:
     """Milliseconds per graph."""
     workflow, catalog = _workflow(), make_catalog()
     data = dump_workflow(workflow)
@@ -28,7 +28,7 @@ def run(progress: Progress) -> BenchReport:
             "compile": lambda: compile_fake(workflow),
             "draw": lambda: drawing(workflow),
         },
-        progress,
+        bench,
     )
     findings = [f for f in validate(workflow, catalog) if f.severity == "error"]
     rows = tuple((name, *(round(1e3 * s, 2) for s in (t.median, t.best, t.p90))) for name, t in timings.items())

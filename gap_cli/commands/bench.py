@@ -13,12 +13,16 @@ from gap_cli.commands.common import AsJson, console, print_json, print_table
 
 if TYPE_CHECKING:
     from gap_runtime.contracts.bench import BenchReport, Progress
+    from gap_runtime.plugins import Registry
 
 RESULTS = Path("docs/results")
 
 
 def bench(
     name: Annotated[str | None, typer.Argument(help="Which benchmark; a list of them when left out.")] = None,
+    n: Annotated[int | None, typer.Option("-n", min=1, help="How many samples: rounds, scenes or problems.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Of the first sample, where samples are drawn.")] = None,
+    workers: Annotated[int, typer.Option(min=1, help="Processes, where samples can be measured side by side.")] = 1,
     to: Annotated[Path, typer.Option(metavar="FOLDER", help="Where the table goes, as Markdown and JSON.")] = RESULTS,
     save: Annotated[bool, typer.Option(help="Write the table to the folder.")] = True,
     json: AsJson = False,
@@ -26,7 +30,8 @@ def bench(
     """Run a benchmark: a table with the command, the machine and the versions behind it."""
     from gap_runtime.plugins import load_registry
 
-    found = load_registry().benchmarks
+    registry = load_registry()
+    found = registry.benchmarks
     if name is None:
         rows = [(entry.name, entry.plugin) for _, entry in sorted(found.items())]
         if json:
@@ -42,9 +47,10 @@ def bench(
     from gap_cli.workspace.atomic import replace_files
     from gap_cli.workspace.canonical import write_json, write_text
 
-    with progress_bar(name) as progress:
-        report: BenchReport = found[name].value(progress)
-    data = as_data(name, report)
+    options = {"-n": n, "--seed": seed}
+    command = " ".join([f"gap bench {name}", *(f"{k} {v}" for k, v in options.items() if v is not None)])
+    report = measure(registry, name, n, seed, workers)
+    data = as_data(name, report, command)
     if json:
         print_json(data)
     else:
@@ -55,6 +61,15 @@ def bench(
         replace_files({to / file: content for file, content in picture_files(name, report).items()})
         if not json:
             console().print(f"written: {to / f'{name}.md'} and {name}.json", style="dim", markup=False)
+
+
+def measure(registry: Registry, name: str, n: int | None, seed: int | None, workers: int) -> BenchReport:
+    """Run a registered benchmark, with a progress bar where someone watches."""
+    from gap_cli.bench.context import BenchRun
+
+    with progress_bar(name) as watch:
+        report: BenchReport = registry.benchmarks[name].value(BenchRun(registry, n, seed, workers, watch))
+    return report
 
 
 @contextmanager

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gap_runtime.contracts.bench import BenchReport, Progress
+from gap_runtime.contracts.bench import BenchContext, BenchReport
 from gap_runtime.hookspecs import Register, hookimpl
 
 
@@ -17,10 +17,18 @@ def gap_register_tools(register: Register) -> None:
 @hookimpl
 def gap_register_benchmarks(register: Register) -> None:
     register("grasps", _grasps)
+    register("grasp-calibration", _calibration)
 
 
-def _grasps(progress: Progress) -> BenchReport:
+def _grasps(bench: BenchContext) -> BenchReport:
     """Grasps executed in physics, by generator, object and score."""
     from gap_grasps.bench.run import run
 
-    return run(progress)
+    return run(bench)
+
+
+def _calibration(bench: BenchContext) -> BenchReport:
+    """The map from a grasp's measures to its chance of success, fitted in physics on development seeds."""
+    from gap_grasps.fit import run
+
+    return run(bench)

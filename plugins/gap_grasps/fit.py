@@ -1,64 +1,68 @@
-"""Fits the map from a grasp's measures to its chance of success, in physics, on development seeds.
+"""`gap bench grasp-calibration`: fits the map from a grasp's measures to its chance of success, in physics.
 
-`python -m gap_grasps.fit` writes `calibration.json`, with what it was made from and how good it is.
+`python -m gap_grasps.fit docs/results/grasp-calibration.json` takes such a result over into `calibration.json`.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gap_catalogue.shared.hand import Hand
 from gap_grasps.bench.execution import Ranked, Seen, was_tried
-from gap_grasps.bench.run import UNSHARED, Job, Row, jobs, measured, rows_of
+from gap_grasps.bench.run import HELD_OUT, UNSHARED, GraspJob, Row, jobs, measured, rows_of
 from gap_grasps.bench.sampling import pool_of
 from gap_grasps.calibration import FILE
 from gap_grasps.generate import prepare
 from gap_grasps.pose_error import DECLARED
-from gap_grasps.reliability import auc, bins, ranking
+from gap_grasps.reliability import Bin, auc, bins, ranking
 from gap_grasps.robustness import Measures, measure
 from gap_grasps.support import support_below
+from gap_runtime.contracts.bench import BenchContext, BenchReport, Table
+from gap_runtime.contracts.failures import BadRequestError
 from gap_runtime.contracts.standalone import StandaloneContext
 from gap_runtime.contracts.types import Array, Se3Pose
 
 SCHEMA = "gap/grasp-calibration/v1"
 RIDGE = 0.1  # strength of the pull of weights towards 0
 DIGITS = 4
+SCENES, DRAWS = 24, 6  # per object, and grasps per scene
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure, fit, write."""
-    parser = argparse.ArgumentParser(prog="python -m gap_grasps.fit", description=__doc__)
-    parser.add_argument("--first-seed", type=int, default=0)
-    parser.add_argument("--scenes", type=int, default=24, help="per object")
-    parser.add_argument("--draws", type=int, default=6, help="grasps per scene")
-    options = parser.parse_args(arguments)
-    seeds = range(options.first_seed, options.first_seed + options.scenes)
-    if seeds.stop > 10_000:
-        parser.error("Seeds from 10000 on are kept for reporting; fit on smaller ones.")
-    work = jobs(seeds, (), options.draws)
-    rows = measured(work, _progress, fit_rows)
-    data = calibration_of(rows)
-    data["command"] = (
-        f"python -m gap_grasps.fit --first-seed {options.first_seed} --scenes {options.scenes} --draws {options.draws}"
-    )
-    FILE.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+def run(bench: BenchContext) -> BenchReport:
+    """Measure and fit on development seeds. Raises `BadRequestError` for seeds that are kept for reporting."""
+    first = bench.seed or 0
+    seeds = range(first, first + (bench.n or SCENES))
+    if seeds.stop > HELD_OUT:
+        raise BadRequestError("range", f"Seeds from {HELD_OUT} on are kept for reporting; fit on smaller ones.")
+    rows = measured(bench, jobs(bench, seeds, (), DRAWS), fit_rows)
+    found, by_score = calibration_of(rows)
+    return BenchReport(
+        "Calibration of grasp scores", ("quantity", "value"), tuple(found.items()),
+        ("Ranking and success by score are of objects that were left out of the fit, one after the other.",),
+        more=(Table("Success by score", Bin._fields, tuple(tuple(b) for b in by_score)),),
+    )  # fmt: skip
 
 
-def _progress(done: float, name: str) -> None:
-    sys.stderr.write(f"{done:4.0%} {name}\n")
+def main(result: Path) -> None:
+    """Write `calibration.json` from a saved result."""
+    data = json.loads(result.read_text(encoding="utf-8"))
+    adopted: dict[str, Any] = {"schema": SCHEMA}
+    for name, value in data["rows"]:
+        group, _, key = name.rpartition(".")
+        (adopted.setdefault(group, {}) if group else adopted)[key] = value
+    FILE.write_text(json.dumps(adopted | {"command": data["command"]}, indent=2) + "\n", encoding="utf-8")
 
 
-def fit_rows(job: Job) -> list[Row]:
+def fit_rows(bench: BenchContext, job: GraspJob) -> list[Row]:
     """Drawn grasps of one job with their measures."""
-    name, seeds, generators, draws = job
     found = []
-    for row in rows_of(name, seeds, generators, draws, unweighted_pool):
+    for row in rows_of(bench, job, unweighted_pool):
         if was_tried(row):
             (measures,) = np.stack(_measures(row["cell"], row["seen"], [row["pose"]]), axis=1)
             found.append({k: v for k, v in row.items() if k not in UNSHARED} | {"measures": measures})
@@ -79,8 +83,8 @@ def _measures(cell: StandaloneContext, seen: Seen, poses: Sequence[Se3Pose]) -> 
     return measure(prepare(seen.target, floor, rng), T, Hand.of(cell.robot()), floor)
 
 
-def calibration_of(rows: list[Row]) -> dict[str, Any]:
-    """The fit and its account: how many grasps, how it ranks objects it was not fitted on, success by score."""
+def calibration_of(rows: list[Row]) -> tuple[dict[str, Any], list[Bin]]:
+    """The fit, what it was made from, how it ranks objects it was not fitted on, and their success by score."""
     x = np.stack([row["measures"] for row in rows])
     won = np.array([bool(row["success"]) for row in rows])
     names = np.array([row["object"] for row in rows])
@@ -90,25 +94,20 @@ def calibration_of(rows: list[Row]) -> dict[str, Any]:
     fit = logistic(x, won)
     unseen = [{**row, "score": score} for row, score in zip(rows, held_out, strict=True)]
     rank = ranking(unseen)
-    return {
-        "schema": SCHEMA,
+    found = {
         "intercept": round(float(fit[0]), DIGITS),
-        "weights": {name: round(float(w), DIGITS) for name, w in zip(Measures._fields, fit[1:], strict=True)},
-        "error": {"position_m": DECLARED.position, "rotation_deg": DECLARED.rotation_deg},
+        **{f"weights.{n}": round(float(w), DIGITS) for n, w in zip(Measures._fields, fit[1:], strict=True)},
+        "error.position_m": DECLARED.position,
+        "error.rotation_deg": DECLARED.rotation_deg,
         "grasps": len(rows),
-        "successes": int(won.sum()),
         "seeds": [min(row["seed"] for row in rows), max(row["seed"] for row in rows)],
-        "each_object_left_out": {
-            "auc": round(rank.auc, 3),
-            "auc_interval": [round(v, 3) for v in rank.interval],
-            "spearman": round(rank.spearman, 3),
-            "calibration_error": round(rank.calibration_error, 3),
-            "bins": [[b.low, b.high, b.n, round(b.score, 3), round(b.success, 3)] for b in bins(unseen)],
-        },
-        "auc_of_each_measure": {
-            name: round(auc(x[:, i], won), 3) for i, name in enumerate(Measures._fields)
-        },
-    }  # fmt: skip
+        "successes": int(won.sum()),
+        "each_object_left_out.auc": round(rank.auc, 3),
+        "each_object_left_out.spearman": round(rank.spearman, 3),
+        "each_object_left_out.calibration_error": round(rank.calibration_error, 3),
+        **{f"auc_of_each_measure.{n}": round(auc(x[:, i], won), 3) for i, n in enumerate(Measures._fields)},
+    }
+    return found, bins(unseen)
 
 
 def logistic(x: Array, won: Array) -> Array:
@@ -133,4 +132,4 @@ def chance(fit: Array, x: Array) -> Array:
 
 
 if __name__ == "__main__":
-    main()
+    main(Path(sys.argv[1]))

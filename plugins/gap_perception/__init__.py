@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from gap_runtime.contracts.bench import BenchReport, Progress
+from gap_runtime.contracts.bench import BenchContext, BenchReport
 from gap_runtime.hookspecs import Register, hookimpl
 
 
@@ -37,8 +37,8 @@ def gap_register_benchmarks(register: Register) -> None:
     register("perception", _perception)
 
 
-def _perception(progress: Progress) -> BenchReport:
+def _perception(bench: BenchContext) -> BenchReport:
     """Detection, masks and boxes on random cluttered scenes, by sensor, clutter and object."""
     from gap_perception.bench.run import run
 
-    return run(progress)
+    return run(bench)

@@ -21,7 +21,8 @@ from gap_runtime.contracts.failures import SimulationDivergedError
 from gap_runtime.contracts.task import load_task
 from gap_runtime.contracts.types import Quaternion, Se3Pose, Vec3
 
-TASK = bench_task(load_task(Path(__file__).parents[2] / "tasks" / "fulfill-grocery"))
+PLAIN = load_task(Path(__file__).parents[2] / "tasks" / "fulfill-grocery")
+TASK = bench_task(PLAIN)
 
 
 def test_every_object_is_alone_in_its_scene():
@@ -69,7 +70,7 @@ def row(name, success, score=0.5, generator="graspgen", **more):
 
 
 def test_the_report_sums_groceries_and_holds_them_against_the_goal():
-    found = report([row("milk", True), row("butter", True), row("milk", False, generator="box"), row("mug", False)])
+    found = report([row("milk", True), row("butter", True), row("milk", False, generator="box"), row("mug", False)], 0)
     cells = {r[0]: r for r in found.rows}
     assert cells["groceries"][1].startswith("1.000") and cells["groceries"][1].endswith("(2)")
     assert cells["groceries"][-1] == ">= 0.97: met by graspgen; missed by box"
@@ -78,7 +79,7 @@ def test_the_report_sums_groceries_and_holds_them_against_the_goal():
 
 def test_the_report_counts_by_score_what_came_to_the_grasp():
     drawn = [row("milk", i >= 5, 0.05 + 0.1 * i, DRAWN, seed=i) for i in range(10)]
-    found = report([*drawn, row("milk", False, 0.95, DRAWN, reason="way: contact")])
+    found = report([*drawn, row("milk", False, 0.95, DRAWN, reason="way: contact")], 0)
     (table,) = found.more
     by_score = {r[0]: r for r in table.rows}
     assert by_score["0.9-1.0"][1] == 1 and by_score["0.9-1.0"][4].endswith("yes")
@@ -113,7 +114,7 @@ def test_grasps_are_drawn_over_the_whole_range_and_none_twice():
 
 
 def test_jobs_share_out_every_object_and_seed_once():
-    work = jobs(range(100, 100 + 2 * CHUNK + 1), ("box",), 0)
+    work = jobs(SimpleNamespace(task=lambda name: PLAIN), range(100, 100 + 2 * CHUNK + 1), ("box",), 0)
     assert sorted((name, seed) for name, seeds, *_ in work for seed in seeds) == sorted(
         (s.name, seed) for s in subjects(TASK) for seed in range(100, 100 + 2 * CHUNK + 1)
     )

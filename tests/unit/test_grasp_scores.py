@@ -143,7 +143,7 @@ def test_a_better_measure_never_lowers_a_score():
     data = json.loads(FILE.read_text())
     assert min(data["weights"].values()) >= 0 and set(data["weights"]) == set(Measures._fields)
     assert data["seeds"][1] < 10_000 and data["error"]["position_m"] == DECLARED.position
-    assert data["error"]["rotation_deg"] == DECLARED.rotation_deg, "fit again: python -m gap_grasps.fit"
+    assert data["error"]["rotation_deg"] == DECLARED.rotation_deg, "fit again: gap bench grasp-calibration"
     low, high = (Measures(*np.full((6, 1), v)) for v in (0.5, 0.9))
     assert 0 < fitted().chance(low)[0] < fitted().chance(high)[0] < 1
 

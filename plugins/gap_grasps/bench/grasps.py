@@ -3,64 +3,58 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from gap_grasps.bench.execution import GENERATORS, VOID, Ranked, Seen, attempt, execute, in_reach
-from gap_grasps.bench.objects import Subject, bench_task, place, rest, subjects
+from gap_grasps.bench.objects import Subject, place, rest, subjects
 from gap_grasps.bench.perception import cloud_of, handle_of, pixels
 from gap_grasps.bench.sampling import drawn_evenly, pool_of
 from gap_grasps.pose_error import DECLARED
 from gap_runtime.contracts.access import node_scope
-from gap_runtime.contracts.robot import RobotSpec
-from gap_runtime.contracts.simulator import Instance, Simulator
+from gap_runtime.contracts.bench import BenchContext, standalone
+from gap_runtime.contracts.simulator import Instance
 from gap_runtime.contracts.standalone import StandaloneContext
 from gap_runtime.contracts.task import Task
-from gap_runtime.contracts.tool import Tool
 from gap_runtime.contracts.types import Mask
 
 LIFTED = 0.10  # m a held object must have risen
 WRIST = "wrist"
-MakeSimulator = Callable[[Task, str, Mapping[str, RobotSpec]], Simulator]
 Rank = Callable[[StandaloneContext, Seen], Ranked]
 
 
 def grasp_rows(
+    bench: BenchContext,
     task: Task,
-    robots: Mapping[str, RobotSpec],
-    tools: Mapping[str, Tool],
+    name: str,
     seeds: Iterable[int],
-    make_world: MakeSimulator,
     *,
-    names: Iterable[str] | None = None,
     generators: Iterable[str] = tuple(GENERATORS),
     draws: int = 0,
     pool: Rank = pool_of,
 ) -> Iterator[dict[str, Any]]:
-    """Per object and seed: one row per generator, its best grasp executed, then up to `draws` rows of drawn grasps.
+    """Of one subject of a `bench_task`, per seed: a row per generator, its best grasp executed, then `draws` at most.
 
-    `names` (default all) and `generators` choose what is measured. Drawn grasps come from `pool`, evenly over the range
-    of its scores, and the hand misses them by the declared error; their rows have "generator" `DRAWN`.
+    Drawn grasps come from `pool`, evenly over the range of its scores, and the hand misses them by the declared error;
+    their rows have "generator" `DRAWN`.
     """
-    everything, seeds = bench_task(task), tuple(seeds)
-    for subject in subjects(everything):
-        if names is not None and subject.name not in set(names):
-            continue
-        world = make_world(everything, subject.model, robots)
-        try:
-            for seed in seeds:
-                scene = _Scene(StandaloneContext(world, everything, robots, tools, seed), subject)
-                yield from scene.best(generators)
-                yield from scene.drawn(draws, pool)
-        finally:
-            world.close()
+    subject = next(s for s in subjects(task) if s.name == name)
+    cell = standalone(bench, task, subject.model)
+    try:
+        for seed in seeds:
+            scene = _SubjectScene(replace(cell, seed=seed, state={}, made={}), subject)
+            yield from scene.best(generators)
+            yield from scene.drawn(draws, pool)
+    finally:
+        cell.cell.close()
 
 
 DRAWN = "drawn"
 
 
-class _Scene:
+class _SubjectScene:
     """One object in one place: seen once, tried many times, each time from the same start."""
 
     def __init__(self, cell: StandaloneContext, subject: Subject) -> None:

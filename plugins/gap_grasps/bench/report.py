@@ -20,8 +20,8 @@ PACKAGES = ("mujoco", "scipy", "opencv-python-headless")
 Row = Mapping[str, Any]
 
 
-def report(rows: Iterable[Row], pictures: tuple[Picture, ...] = ()) -> BenchReport:
-    """One table of success by object and generator, one of success by score."""
+def report(rows: Iterable[Row], first: int, pictures: tuple[Picture, ...] = ()) -> BenchReport:
+    """One table of success by object and generator, one of success by score; `first` is the first seed."""
     rows = list(rows)
     best = [row for row in rows if row["generator"] != DRAWN]
     drawn = [row for row in rows if row["generator"] == DRAWN]
@@ -32,7 +32,7 @@ def report(rows: Iterable[Row], pictures: tuple[Picture, ...] = ()) -> BenchRepo
         "to the sides, judged by the simulator's truth. A grasp that no arm motion reaches is a failure, and so is "
         f"one in whose course physics diverged: {sum(row['reason'] == VOID for row in best)} of {len(best)}.",
         "Each object alone, anywhere in reach, at any yaw; half of the groceries and boxes lie, on any side they can "
-        "lie on. Wilson 95 % intervals; n in brackets. Seeds from 10000 on, used for nothing else.",
+        f"lie on. Wilson 95 % intervals; n in brackets. Seeds from {first} on.",
         f"By score: grasps drawn evenly over the scores, sampled ones and blind ones alike, by a hand that misses its "
         f"place by {1000 * DECLARED.position:g} mm along and {DECLARED.rotation_deg:g} degrees about each axis "
         "(standard deviations). Left out, as the arm never came to the grasp: "

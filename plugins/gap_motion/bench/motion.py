@@ -16,33 +16,32 @@ from gap_motion.bench.verify import Judge, Judgement, Tracked
 from gap_motion.planning.free_motion import Reached, to_grasps, to_joints
 from gap_motion.vamp.arm import DISTRIBUTION, installed, vamp_arm
 from gap_motion.vamp.search import VampSearch
-from gap_runtime.contracts.bench import BenchReport, Progress
+from gap_runtime.contracts.bench import BenchContext, BenchReport, Progress
 from gap_runtime.contracts.failures import PlanningError, ToolError
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.types import Trajectory
 
-PROBLEMS, JUDGED, EXECUTED = 100, 1000, 200
+ROBOTS = ("panda", "ur5e")  # one of each kind of arm
+PROBLEMS, JUDGED, EXECUTED = 100, 10, 2  # problems of each kind; motions judged and executed per problem
+JUDGED_FROM = 1000  # the seed of the first motion that is judged, after that of the problems
 COLUMNS = ("robot", "what", "n", "median", "p95", "result")
 PACKAGES = ("mujoco", "ompl", "numpy", "scipy", "pytorch_kinematics", DISTRIBUTION)
 Row = tuple[Any, ...]
 
 
-def motion(progress: Progress, problems: int = PROBLEMS, judged: int = JUDGED, executed: int = EXECUTED) -> BenchReport:
+def motion(bench: BenchContext) -> BenchReport:
     """Measure one of each kind of arm."""
-    from gap_robots import arms
-
-    rows: list[Row] = []
-    specs = arms()
-    for i, spec in enumerate(specs):
-
-        def part(share: float, what: str, i: int = i, name: str = spec.name) -> None:
-            progress((i + share) / len(specs), f"{name}: {what}")
-
-        rows += planning(spec, problems, part)
-        rows += kinematics(spec, problems, part)
-        rows += verdicts(spec, judged, executed, part)
+    rows = [row for found in bench.map(measure_robot, ROBOTS) for row in found]
     vamp = "" if installed() else f" It is not installed here, and its rows are missing: pip install {DISTRIBUTION}."
     return BenchReport("Motion", COLUMNS, tuple(rows), (*NOTES, VAMP_NOTE + vamp), PACKAGES, more=(goals(rows),))
+
+
+def measure_robot(bench: BenchContext, name: str) -> list[Row]:
+    """All rows of one robot."""
+    spec, count, seed = bench.robot(name), bench.n or PROBLEMS, bench.seed or 0
+    rows = planning(spec, count, seed, bench.progress)
+    rows += kinematics(spec, count, seed, bench.progress)
+    return rows + verdicts(spec, JUDGED * count, EXECUTED * count, seed + JUDGED_FROM, bench.progress)
 
 
 NOTES = (
@@ -60,10 +59,10 @@ VAMP_NOTE = (
 )
 
 
-def planning(spec: RobotSpec, count: int, progress: Progress) -> list[Row]:
+def planning(spec: RobotSpec, count: int, seed: int, progress: Progress) -> list[Row]:
     """Free-space and grasp problems."""
     progress(0.0, "free-space problems")
-    free = free_space(spec, count)
+    free = free_space(spec, count, seed)
     ours = measure.free_motions(free)
     rows = [_times(spec, f"free space: {what}", samples) for what, samples in ours.samples.items()]
     rows.append((spec.name, "free space: solved", count, "", "", f"{ours.solved:.3f}"))
@@ -71,7 +70,7 @@ def planning(spec: RobotSpec, count: int, progress: Progress) -> list[Row]:
     plain = measure.plain_mujoco(free, lambda p: Judge(spec, p.shapes))
     rows.append(_times(spec, "free space: plan and simplify, plain MuJoCo", plain.samples["whole"]))
     progress(0.3, "grasp problems")
-    grasps = groceries(spec, count)
+    grasps = groceries(spec, count, seed=seed)
     found = measure.grasp_motions(grasps)
     rows.append(_times(spec, "grasps: from request to timed motion", found.samples["whole"]))
     rows.append((spec.name, "grasps: solved", count, "", "", f"{found.solved:.3f}"))
@@ -99,7 +98,7 @@ def with_vamp(spec: RobotSpec, free: list[Problem], grasps: list[GraspProblem]) 
     ]
 
 
-def kinematics(spec: RobotSpec, count: int, progress: Progress) -> list[Row]:
+def kinematics(spec: RobotSpec, count: int, seed: int, progress: Progress) -> list[Row]:
     """Inverse kinematics and collision checks."""
     progress(0.45, "inverse kinematics")
     rows = [_times(spec, "IK, one pose", measure.single_ik(spec, 300))]
@@ -107,18 +106,18 @@ def kinematics(spec: RobotSpec, count: int, progress: Progress) -> list[Row]:
         rate, solved = measure.batched_ik(spec, 200, solver)
         rows.append((spec.name, f"IK, 200 poses at once, {name}", 200, "", "", f"{rate:.0f}/s, {solved:.3f} solved"))
     progress(0.5, "collision checks")
-    bare, among = measure.checks(spec, free_space(spec, min(count, 20)), 1000)
+    bare, among = measure.checks(spec, free_space(spec, min(count, 20), seed), 1000)
     rows.append((spec.name, "collision check, bare", 1000, "", "", f"{bare * 1e6:.1f} us a configuration"))
     rows.append((spec.name, "collision check, 9 obstacles", 1000, "", "", f"{among * 1e6:.1f} us a configuration"))
     return rows
 
 
-def verdicts(spec: RobotSpec, judged: int, executed: int, progress: Progress) -> list[Row]:
+def verdicts(spec: RobotSpec, judged: int, executed: int, seed: int, progress: Progress) -> list[Row]:
     """What the independent judge finds in planned and in executed motions."""
     found: list[Judgement] = []
     tracked: list[Tracked] = []
     unsolved = 0
-    for k, (judge, made) in enumerate(_motions(spec, judged)):
+    for k, (judge, made) in enumerate(_motions(spec, judged, seed)):
         progress(0.5 + 0.5 * k / judged, f"judging motion {k + 1} of {judged}")
         if made is None:
             unsolved += 1
@@ -146,15 +145,15 @@ def verdicts(spec: RobotSpec, judged: int, executed: int, progress: Progress) ->
     ]  # fmt: skip
 
 
-def _motions(spec: RobotSpec, count: int) -> Iterator[tuple[Judge, Trajectory | None]]:
+def _motions(spec: RobotSpec, count: int, seed: int) -> Iterator[tuple[Judge, Trajectory | None]]:
     """The judge and the motion of `count` problems, four of five in free space, on seeds of their own."""
     for k in range(count):
         if k % 5 < 4:
-            problem = free_space(spec, 2, seed=1000 + k)[1]
+            problem = free_space(spec, 2, seed=seed + k)[1]
             solve = partial(to_joints, problem.checker, problem.start, problem.goals, 0)
             yield Judge(spec, problem.shapes), _or_none(solve)
         else:
-            grasp = groceries(spec, 1, grasps=5, seed=1000 + k)[0]
+            grasp = groceries(spec, 1, grasps=5, seed=seed + k)[0]
             rest = [s for i, s in enumerate(grasp.shapes) if f"shape_{i}" != grasp.target]
             solve = partial(to_grasps, grasp.situation, grasp.start, grasp.grasps, 0.08, [grasp.target], 0)
             yield Judge(spec, rest), _or_none(solve)

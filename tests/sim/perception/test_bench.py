@@ -4,26 +4,29 @@ from __future__ import annotations
 
 import pytest
 
+from gap_cli.bench.context import BenchRun
 from gap_perception.bench import run as bench_run
 from gap_perception.bench.perception import CLEAN, level_task, levels_of, measure
 from gap_perception.bench.pictures import TILE, worst
-from gap_perception.bench.run import Job, measure_job, skill_way
+from gap_perception.bench.run import ScenesJob, measure_job, skill_way
 from gap_perception.bench.scenes import LEVELS
+from gap_runtime.plugins import load_registry
 
 pytestmark = pytest.mark.sim
+BENCH = BenchRun(load_registry())
+WAY = skill_way(BENCH.skill(bench_run.SKILL))
 SEED = 1  # seven objects in view, a development seed
 
 
 @pytest.fixture(scope="module")
 def searches(cell):
-    return list(measure(cell, skill_way(), [SEED]))
+    return list(measure(cell, WAY, [SEED]))
 
 
 @pytest.fixture
 def forget():
     yield
-    bench_run._cell("realistic").cell.close()
-    bench_run._cell.cache_clear()
+    bench_run._cells.pop("realistic").cell.close()
 
 
 def test_every_object_is_looked_for_once_and_found_where_it_is(cell, searches):
@@ -42,7 +45,7 @@ def test_the_same_scene_gives_the_same_rows_and_pictures(cell, searches):
         return [row | {"ms": None} for row in rows], [(c.order, c.lines, c.picture.tobytes()) for c in cases]
 
     first = told(searches)
-    assert first == told(measure(cell, skill_way(), [SEED]))
+    assert first == told(measure(cell, WAY, [SEED]))
     assert len(first[1]) == sum(row["present"] for row in first[0])
 
 
@@ -55,7 +58,7 @@ def test_levels_are_the_tasks_own_and_the_first_is_perfect(cell):
 
 @pytest.mark.usefixtures("forget")
 def test_groceries_are_told_apart_through_realistic_cameras():
-    rows, cases = measure_job(Job("realistic", SEED, 1))
+    rows, cases = measure_job(BENCH, ScenesJob("realistic", SEED, 1))
     assert all(row["found"] == row["present"] and not row["wrong"] for row in rows)
     centre = [row["center_mm"] for row in rows if row["present"]]
     assert 0.5 < max(centre) < 20  # noise was there

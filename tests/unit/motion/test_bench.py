@@ -1,10 +1,12 @@
+from gap_cli.bench.context import BenchRun
 from gap_motion.bench.goals import GOALS, goals
 from gap_motion.bench.motion import COLUMNS, motion
+from tests.unit.motion.conftest import REGISTRY
 
 
 def test_a_small_run_fills_every_column_and_finds_nothing_wrong():
     heard = []
-    report = motion(lambda share, what: heard.append(share), problems=2, judged=5, executed=1)
+    report = motion(BenchRun(REGISTRY, n=1, watch=lambda share, what: heard.append(share)))
     assert report.columns == COLUMNS and all(len(row) == len(COLUMNS) for row in report.rows)
     assert heard == sorted(heard) and heard[-1] <= 1.0
     result = {(row[0], row[1]): row[5] for row in report.rows}
