@@ -71,7 +71,7 @@ class SubgraphContext:
 
     @cached_property
     def must(self) -> MustExecute:
-        """What has surely run."""
+        """What must have run before a node."""
         return MustExecute(self.flow)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""The top level exit by exit: which of a subgraph's exits was surely taken where, and what can run side by side."""
+"""The top level exit by exit: which of a subgraph's exits must have been taken where, and what can run side by side."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class ExitFlowGraph:
 
     @cached_property
     def must(self) -> MustExecute:
-        """What has surely run."""
+        """What must have run before a node."""
         return MustExecute(self.flow)
 
     @cached_property

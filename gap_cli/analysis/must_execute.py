@@ -1,4 +1,4 @@
-"""What has surely run before a node starts, whatever is chosen on the way and however branches interleave."""
+"""What must have run before a node starts, whatever is chosen on the way and however branches interleave."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class MustExecute:
 
     @cached_property
     def endless(self) -> set[int]:
-        """Nodes from which control surely goes back to an earlier one, whatever is chosen: a loop nothing leaves."""
+        """Nodes from which control must go back to an earlier one, whatever is chosen: a loop nothing leaves."""
         flow, found = self.flow, set[int]()
         for node in reversed(flow.order):
             arcs = [(flow.arcs[n].value, n in flow.back or flow.arcs[n].target in found) for n in flow.out[node]]
@@ -47,7 +47,7 @@ class MustExecute:
         return found
 
     def _starts_with(self, node: int) -> int:
-        """The nodes that surely start in every run in which this one does."""
+        """The nodes that must start in every run in which this one does."""
         within = self._around(node) if self.flow.back else frozenset()
         if within not in self._solved:
             self._solved[within] = _Solution(self, within)
@@ -70,12 +70,12 @@ class MustExecute:
 
 
 class _Solution:
-    """What surely starts once a node has, in runs that end well: itself, its consequences, and what led to it.
+    """What must start once a node has, in runs that end well: itself, its consequences, and what led to it.
 
-    Who asks matters. Seen from outside a loop, a new pass leads to what every way out of the loop leads to and to what
+    Who asks matters. Seen from outside a loop, a new pass leads to what every exit of the loop leads to and to what
     lies on the way there. Seen from within (`within`: the heads of the loops that hold the node that asks), it may be
     the first pass, so only what comes after the loop counts. `group` is a mask of nodes asked about as one: a bit of
-    its own, beyond those of the nodes, says that one of them surely starts, whichever it is.
+    its own, beyond those of the nodes, says that one of them must start, whichever it is.
     """
 
     def __init__(self, analysis: MustExecute, within: frozenset[int], group: int = 0) -> None:
@@ -97,7 +97,7 @@ class _Solution:
             self.must[node] = self.after[node] | _common(self.must[s] for s in sources if s in self.must)
 
     def one_of_group(self, node: int) -> bool:
-        """True when one of the group surely starts in every run in which this node does."""
+        """True when one of the group must start in every run in which this node does."""
         return bool(self.must[node] & self._group_bit)
 
     def _grouped(self, mask: int) -> int:
@@ -113,12 +113,12 @@ class _Solution:
         return mask | _common(choice)
 
     def _leads_to(self, number: int) -> int:
-        """What surely starts once this edge is taken."""
+        """What must start once this edge is taken."""
         target = self.flow.arcs[number].target
         return self._new_pass(target) if number in self.flow.back else self.after[target]
 
     def _new_pass(self, head: int) -> int:
-        """What surely starts once a loop goes round again."""
+        """What must start once a loop goes round again."""
         if head not in self.next_pass:
             self.next_pass[head] = 0  # loops that are not nested properly (rule R3 has them) may lead back here
             body = self.flow.loops.get(head, 0)

@@ -53,22 +53,22 @@ def output_type(callee: Signature) -> StaticType | None:
     return StaticType(None, callee.fields, callee.choices) if callee.fields else None
 
 
-def walk_type(shape: StaticType, path: tuple[str, ...], what: str) -> StaticType:
-    """The shape found by following `path`. Raises `NoSuchFieldError`."""
+def walk_type(value: StaticType, path: tuple[str, ...], what: str) -> StaticType:
+    """The type found by following `path`. Raises `NoSuchFieldError`."""
     for name in path:
-        shape = _step(shape, name, what)
+        value = _step(value, name, what)
         what = f"{what}.{name}"
-    return shape
+    return value
 
 
-def _step(shape: StaticType, name: str, what: str) -> StaticType:
+def _step(value: StaticType, name: str, what: str) -> StaticType:
     unit = unit_of(name)
-    if shape.type is None:
-        if name not in shape.fields:
-            raise NoSuchFieldError(f"{what} has no {name!r}", did_you_mean(name, shape.fields))
-        words = shape.choices.get(name)
-        return StaticType(shape.fields[name], choices={"": words} if words else {}, unit=unit)
-    kind = shape.type
+    if value.type is None:
+        if name not in value.fields:
+            raise NoSuchFieldError(f"{what} has no {name!r}", did_you_mean(name, value.fields))
+        words = value.choices.get(name)
+        return StaticType(value.fields[name], choices={"": words} if words else {}, unit=unit)
+    kind = value.type
     if kind.is_list:
         if not name.isdigit():
             message = f"{what} is a list of {kind.name} and has no {name!r}"

@@ -45,7 +45,7 @@ def d_inputs(sg: SubgraphContext) -> Iterator[Finding]:
                     wanted = parameter.type
                 yield from _word(sg, path, value, callee.words.get(given, ()))
             for slot in input_slots(value, wanted, path, unit_of(given)):
-                yield from _slot(sg, name, slot)
+                yield from _check_slot(sg, name, slot)
 
 
 def _required(sg: SubgraphContext, name: str, node: Node, callee: Signature) -> Iterator[Finding]:
@@ -70,10 +70,10 @@ def d_outputs(sg: SubgraphContext) -> Iterator[Finding]:
     types = sg.contract_types[1]
     for name, value in sg.definition.outputs.items():
         for slot in input_slots(value, types.get(name, ANY), f"outputs.{name}"):
-            yield from _slot(sg, None, slot)
+            yield from _check_slot(sg, None, slot)
 
 
-def _slot(sg: SubgraphContext, node: str | None, slot: InputSlot) -> Iterator[Finding]:
+def _check_slot(sg: SubgraphContext, node: str | None, slot: InputSlot) -> Iterator[Finding]:
     """One reference or literal; `node` is who reads it, None for the subgraph's outputs."""
     if slot.problem:
         yield sg.finding("D6", slot.path, f"does not fit {slot.type}: {slot.problem}")
@@ -88,11 +88,11 @@ def _slot(sg: SubgraphContext, node: str | None, slot: InputSlot) -> Iterator[Fi
     if reference is None:
         yield sg.finding("D1", slot.path, f"{_shown(slot.value.get('$ref'))} is not a reference", FORMS)
         return
-    yield from _order(sg, node, slot.path, reference)
-    yield from _flow(sg, slot, reference)
+    yield from _check_order(sg, node, slot.path, reference)
+    yield from _check_reference(sg, slot, reference)
 
 
-def _order(sg: SubgraphContext, node: str | None, path: str, reference: Reference) -> Iterator[Finding]:
+def _check_order(sg: SubgraphContext, node: str | None, path: str, reference: Reference) -> Iterator[Finding]:
     """D2: what is read is there by then."""
     other = reference.name
     if reference.source != "node" or other not in sg.nodes:
@@ -105,7 +105,7 @@ def _order(sg: SubgraphContext, node: str | None, path: str, reference: Referenc
         ends = [t for t in sg.terminals if sg.flow.index[t] in sg.flow.rank]
         if ends and not any(sg.given_at(t, other) for t in ends):
             yield sg.finding(
-                "D2", path, f"{other!r} has not surely run at {' or '.join(map(repr, ends))}", _certain(other)
+                "D2", path, f"{other!r} has not always run at {' or '.join(map(repr, ends))}", _lead_through(other)
             )
     elif sg.flow.index[node] in sg.flow.rank and not sg.must_precede(node, other):
         yield sg.finding("D2", path, *_why_not(sg, node, other))
@@ -117,19 +117,19 @@ def _why_not(sg: SubgraphContext, node: str, other: str) -> tuple[str, str]:
     if sg.flow.index[other] not in sg.flow.rank:
         return f"{other!r} never runs", f'Lead to it before "{node}".'
     if other in sg.streaming:
-        return f"{other!r} is not surely started before {node!r}", f'Start it with an edge from where "{node}" starts.'
+        return f"{other!r} is not always started before {node!r}", f'Start it with an edge from where "{node}" starts.'
     if sg.flow.may_precede(node, other):
-        return f"{other!r} is not certain to have run: a way to {node!r} leaves it out", _certain(other)
+        return f"{other!r} has not always run: a path to {node!r} leaves it out", _lead_through(other)
     if sg.flow.may_precede(other, node):
         return f"{other!r} runs after {node!r}", f'Lead from "{other}" to "{node}", or read an earlier node.'
     return f"{other!r} runs beside {node!r}, not before it", f'Add add_edge("{other}", "{node}").'
 
 
-def _certain(other: str) -> str:
-    return f'Lead every way through "{other}", or read a node that always runs.'
+def _lead_through(other: str) -> str:
+    return f'Lead every path through "{other}", or read a node that always runs.'
 
 
-def _flow(sg: SubgraphContext, slot: InputSlot, reference: Reference) -> Iterator[Finding]:
+def _check_reference(sg: SubgraphContext, slot: InputSlot, reference: Reference) -> Iterator[Finding]:
     """D1, D3, D4, D5, D10: what is read exists and is what is wanted."""
     source = _source(sg, reference)
     if isinstance(source, tuple):
@@ -141,11 +141,11 @@ def _flow(sg: SubgraphContext, slot: InputSlot, reference: Reference) -> Iterato
         yield sg.finding("D3", slot.path, f"{what} gives nothing to read", "Read the node that makes the value.")
         return
     try:
-        shape = walk_type(source, reference.fields, what)
+        given = walk_type(source, reference.fields, what)
     except NoSuchFieldError as error:
         yield sg.finding("D3", slot.path, error.message, error.hint)
         return
-    yield from _types(sg, slot, str(reference), shape)
+    yield from _types(sg, slot, str(reference), given)
 
 
 def _source(sg: SubgraphContext, reference: Reference) -> StaticType | tuple[str, str] | None:
@@ -166,19 +166,19 @@ def _source(sg: SubgraphContext, reference: Reference) -> StaticType | tuple[str
     return sg.outputs[name]
 
 
-def _types(sg: SubgraphContext, slot: InputSlot, what: str, shape: StaticType) -> Iterator[Finding]:
+def _types(sg: SubgraphContext, slot: InputSlot, what: str, given: StaticType) -> Iterator[Finding]:
     wanted = slot.type
-    if shape.type is None:
+    if given.type is None:
         if wanted.name != "any":
-            fits = [n for n, t in shape.fields.items() if wanted.accepts(t)]
-            hint = f"Write Ref({f'{what}.{(fits or [*shape.fields])[0]}'!r})."
-            message = f"wants {wanted}, and {what} is several results: {', '.join(shape.fields)}"
+            fits = [n for n, t in given.fields.items() if wanted.accepts(t)]
+            hint = f"Write Ref({f'{what}.{(fits or [*given.fields])[0]}'!r})."
+            message = f"wants {wanted}, and {what} is several results: {', '.join(given.fields)}"
             yield sg.finding("D4", slot.path, message, hint)
         return
-    if not wanted.accepts(shape.type):
-        yield sg.finding(*_mismatch(slot, what, wanted, shape.type))
-    if slot.unit and shape.unit and slot.unit != shape.unit:
-        message = f"is in {slot.unit} by its name, and {what} is in {shape.unit}"
+    if not wanted.accepts(given.type):
+        yield sg.finding(*_mismatch(slot, what, wanted, given.type))
+    if slot.unit and given.unit and slot.unit != given.unit:
+        message = f"is in {slot.unit} by its name, and {what} is in {given.unit}"
         yield sg.finding("D10", slot.path, message, "Convert it in a script.")
 
 

@@ -75,7 +75,7 @@ def producers(context: WorkflowContext) -> Iterator[Finding]:
     """S13, W12, W13: every input is produced, on every path, by one subgraph of that path."""
     flow = context.exit_flow.flow
     always, may = _given(context, SubgraphContext.gives), _given(context, SubgraphContext.may_give)
-    sure, possible = _available(context, always, may)
+    always_there, possible = _available(context, always, may)
     for node, sg in context.subgraph_nodes():
         at = flow.index[node]
         if at not in flow.rank:
@@ -88,8 +88,10 @@ def producers(context: WorkflowContext) -> Iterator[Finding]:
             elif not any(n == name for n, _ in possible[at]):
                 message = f"no subgraph before {node!r} produces {name!r}"
                 yield Finding(path, "S13", message, _nearest(name, context, node))
-            elif name not in sure[at] and not _brought_by_a_branch(context, node, _exits_with(context, name, always)):
-                without = _path_without(context, at, name, sure)
+            elif name not in always_there[at] and not _brought_by_a_branch(
+                context, node, _exits_with(context, name, always)
+            ):
+                without = _path_without(context, at, name, always_there)
                 yield Finding(path, "W12", f"{name!r} is not produced on every way to {node!r}{without}")
         yield from _twice(node, sg, possible[at])
         yield from _flowing_types(context, node, sg, possible[at])
@@ -119,18 +121,18 @@ def _available(
     """Per node: names produced on every single path to it, and every (name, producing node) on any."""
     flow, exits = context.exit_flow.flow, context.exit_flow.exits
     everything = frozenset(name for names in always.values() for name in names)
-    sure, possible = dict.fromkeys(flow.order, everything), dict.fromkeys(flow.order, frozenset[Producer]())
-    sure[0], changed = frozenset(), True
+    always_there, possible = dict.fromkeys(flow.order, everything), dict.fromkeys(flow.order, frozenset[Producer]())
+    always_there[0], changed = frozenset(), True
     while changed:
         changed = False
         for node in flow.order[1:]:
-            sources = [s for number in flow.into[node] if (s := flow.arcs[number].source) in sure]
-            there = everything.intersection(*(sure[s] for s in sources)) | always.get(node, frozenset())
+            sources = [s for number in flow.into[node] if (s := flow.arcs[number].source) in always_there]
+            there = everything.intersection(*(always_there[s] for s in sources)) | always.get(node, frozenset())
             seen = frozenset[Producer]().union(*(possible[s] for s in sources))
             seen |= {(name, exits[flow.names[node]][0]) for name in may.get(node, ())}
-            if (there, seen) != (sure[node], possible[node]):
-                sure[node], possible[node], changed = there, seen, True
-    return sure, possible
+            if (there, seen) != (always_there[node], possible[node]):
+                always_there[node], possible[node], changed = there, seen, True
+    return always_there, possible
 
 
 def _beside(context: WorkflowContext, node: str, path: str, name: str, exits: list[str]) -> Iterator[Finding]:
@@ -151,11 +153,11 @@ def _nearest(name: str, context: WorkflowContext, node: str) -> str:
     return did_you_mean(name, outputs) if outputs else "No subgraph has outputs."
 
 
-def _path_without(context: WorkflowContext, at: int, name: str, sure: dict[int, frozenset[str]]) -> str:
+def _path_without(context: WorkflowContext, at: int, name: str, always_there: dict[int, frozenset[str]]) -> str:
     flow, exits = context.exit_flow.flow, context.exit_flow.exits
     for number in flow.into[at]:
         source = flow.arcs[number].source
-        if source in sure and name not in sure[source]:
+        if source in always_there and name not in always_there[source]:
             node, value = exits.get(flow.names[source], (flow.names[source], ""))
             return f": not when it comes from {node!r}" + (f" by its exit {value!r}" if value else "")
     return ""
