@@ -7,10 +7,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gap_mujoco import commands
-from gap_mujoco.control.joint_controller import Drive
-from gap_mujoco.gripper import SimGripper
-from gap_mujoco.thread import WorldThread
+from gap_control import motion_executor
+from gap_control.motion_executor import Command, MotionExecutor
+from gap_mujoco.control.joint_controller import MujocoJointController
+from gap_mujoco.gripper import MujocoGripper
+from gap_mujoco.physics import Physics
+from gap_mujoco.thread import SimulatorThread
 from gap_runtime.contracts.arm import Compliance, ContactMotion, Setpoint
 from gap_runtime.contracts.failures import MotionError
 from gap_runtime.contracts.robot import RobotSpec
@@ -18,21 +20,25 @@ from gap_runtime.contracts.task import RobotPlacement
 from gap_runtime.contracts.types import ArmState, Quaternion, Se3Pose, Trajectory, Vec3, Wrench
 
 
-class SimArm:
-    """An `Arm`. It moves by its position actuators alone, within their torque limits."""
+class MujocoArm:
+    """An `Arm`. It moves by its actuators alone, within their torque limits."""
 
-    def __init__(self, drive: Drive, placement: RobotPlacement, thread: WorldThread) -> None:
-        self._drive, self._thread = drive, thread
+    def __init__(
+        self, index: int, spec: RobotSpec, placement: RobotPlacement, physics: Physics, thread: SimulatorThread
+    ) -> None:
+        self.controller = MujocoJointController(index, spec, placement, physics)
+        self.executor = MotionExecutor(self.controller)
+        self._physics, self._thread = physics, thread
         half = np.radians(placement.yaw_deg) / 2
         rotation = Quaternion(float(np.cos(half)), 0.0, 0.0, float(np.sin(half)))
         self._base = Se3Pose(Vec3.of(placement.position), rotation)
         self._stops, self._lock = 0, threading.Lock()
-        self.gripper = SimGripper(drive, thread, self.stop_flag)
+        self.gripper = MujocoGripper(self.controller.gripper, self.executor, thread, self.stop_flag)
 
     @property
     def spec(self) -> RobotSpec:
         """The robot's names, limits and shape."""
-        return self._drive.spec
+        return self.controller.spec
 
     @property
     def base_pose(self) -> Se3Pose:
@@ -41,23 +47,27 @@ class SimArm:
 
     def state(self) -> ArmState:
         """Joints, gripper and forward kinematics."""
-        return self._thread.call(self._drive.state)
+        return self._thread.call(self.controller.state)
 
     def setpoint(self) -> Setpoint:
         """Where the servos want the joints now."""
-        return self._thread.call(self._drive.setpoint)
+        return self._thread.call(self.executor.setpoint)
 
     def execute(self, trajectory: Trajectory, *, tolerance: float = 0.01) -> None:
-        """Track a joint trajectory; see `gap_runtime.contracts.cell.Arm.execute`."""
-        self._thread.call(commands.execute, [self.command(trajectory, tolerance)])
+        """Track a joint trajectory; see `gap_runtime.contracts.arm.Arm.execute`."""
+        self._thread.call(motion_executor.execute, [self.command(trajectory, tolerance)])
 
     def start(self, trajectory: Trajectory, *, tolerance: float = 0.01, replace: bool = False) -> None:
-        """Begin to track a joint trajectory; see `gap_runtime.contracts.cell.Arm.start`."""
-        self._thread.call(commands.start, self.command(trajectory, tolerance), replace=replace)
+        """Begin to track a joint trajectory; see `gap_runtime.contracts.arm.Arm.start`."""
+        self._thread.call(self._start, self.command(trajectory, tolerance), replace)
+
+    def _start(self, command: Command, replace: bool) -> None:
+        self._physics.require_placed()
+        motion_executor.start(command, replace=replace)
 
     def finish(self) -> None:
-        """Let a motion that was started come to its end; see `gap_runtime.contracts.cell.Arm.finish`."""
-        self._thread.call(commands.finish, self._drive)
+        """Let a motion that was started come to its end; see `gap_runtime.contracts.arm.Arm.finish`."""
+        self._thread.call(self.executor.finish)
 
     def wrench(self) -> Wrench:
         """Not simulated yet."""
@@ -78,12 +88,17 @@ class SimArm:
         with self._lock:
             self._stops += 1
 
-    def command(self, trajectory: Trajectory, tolerance: float) -> commands.Command:
-        """A command of this arm, which `stop` ends if it is called from now on. For the world's own use."""
-        return commands.Command(self._drive, trajectory, tolerance, self.stop_flag())
+    def place_home(self) -> None:
+        """Write the home configuration and hold it. Only a reset may."""
+        self.executor.clear()
+        self.controller.place_home()
+
+    def command(self, trajectory: Trajectory, tolerance: float) -> Command:
+        """A command of this arm, which `stop` ends if it is called from now on. For the simulator's own use."""
+        return Command(self.executor, trajectory, tolerance, self.stop_flag())
 
     def stop_flag(self) -> Callable[[], bool]:
-        """Whether the arm was told to stop since now. For the cell's own use."""
+        """Whether the arm was told to stop since now. For the simulator's own use."""
         seen = self._stops
         return lambda: self._stops != seen
 

@@ -4,23 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from gap_mujoco import commands
-from gap_mujoco.control.joint_controller import Drive
-from gap_mujoco.thread import WorldThread
+from gap_control.motion_executor import MotionExecutor
+from gap_mujoco.control.parallel_gripper import ParallelGripper
+from gap_mujoco.thread import SimulatorThread
 from gap_runtime.contracts.robot import GripperSpec
 from gap_runtime.contracts.types import GripperState
 
 
-class SimGripper:
+class MujocoGripper:
     """A parallel jaw. `stop_flag` makes what says whether the arm was told to stop since."""
 
-    def __init__(self, drive: Drive, thread: WorldThread, stop_flag: Callable[[], Callable[[], bool]]) -> None:
-        self.spec: GripperSpec = drive.spec.gripper
-        self._drive, self._thread, self._stop_flag = drive, thread, stop_flag
+    def __init__(
+        self,
+        gripper: ParallelGripper,
+        executor: MotionExecutor,
+        thread: SimulatorThread,
+        stop_flag: Callable[[], Callable[[], bool]],
+    ) -> None:
+        self._gripper, self._executor, self._thread, self._stop_flag = gripper, executor, thread, stop_flag
+
+    @property
+    def spec(self) -> GripperSpec:
+        """Its range, force and shape."""
+        return self._gripper.spec
 
     def state(self) -> GripperState:
         """Opening and squeezing force."""
-        return self._thread.call(self._drive.jaws.state)
+        return self._thread.call(self._gripper.state)
 
     def open(self, *, settle: float = 0.5, wait: bool = True) -> GripperState:
         """Open the jaws fully."""
@@ -34,20 +44,16 @@ class SimGripper:
         self, width: float, *, force: float | None = None, settle: float = 0.5, wait: bool = True
     ) -> GripperState:
         """Drive the jaws; see `gap_runtime.contracts.arm.Gripper.set_width`."""
-        return self._thread.call(self._move, width, force, settle if wait else None, self._stop_flag())
+        return self._command(self._gripper.move, width, force, settle if wait else None, self._stop_flag())
 
     def set_force(self, force: float) -> GripperState:
         """Squeeze with at most `force` [N] from now on."""
-        return self._thread.call(self._set_force, force)
+        return self._command(self._gripper.set_force, force)
 
-    def _move(
-        self, width: float, force: float | None, settle: float | None, stopped: Callable[[], bool]
-    ) -> GripperState:
-        commands.report(self._drive)
-        self._drive.jaws.move(width, force, settle, stopped)
-        return self._drive.jaws.state()
+    def _command(self, command: Callable[..., None], *arguments: object) -> GripperState:
+        def run() -> GripperState:
+            self._executor.raise_failure()
+            command(*arguments)
+            return self._gripper.state()
 
-    def _set_force(self, force: float) -> GripperState:
-        commands.report(self._drive)
-        self._drive.jaws.squeeze(force)
-        return self._drive.jaws.state()
+        return self._thread.call(run)

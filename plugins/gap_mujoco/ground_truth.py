@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gap_mujoco.control.joint_controller import Drive
+from gap_mujoco.control.joint_controller import MujocoJointController
 from gap_mujoco.model.footprint import outline
 from gap_mujoco.model.props import cavity
 from gap_mujoco.model.scene import Scene
@@ -19,11 +19,13 @@ from gap_runtime.contracts.task import ObjectModel, Task
 from gap_runtime.contracts.types import Array, OrientedBoundingBox, Quaternion, Se3Pose, Vec3
 
 
-class Truth:
+class GroundTruthReader:
     """Takes snapshots of one cell."""
 
-    def __init__(self, task: Task, scene: Scene, physics: Physics, drives: tuple[Drive, ...]) -> None:
-        self._physics, self._drives = physics, drives
+    def __init__(
+        self, task: Task, scene: Scene, physics: Physics, controllers: tuple[MujocoJointController, ...]
+    ) -> None:
+        self._physics, self._controllers = physics, controllers
         self._models: Mapping[str, ObjectModel] = {name: task.objects[name] for name in scene.objects}
         self._bodies = {name: physics.model.body(f"{name}/").id for name in scene.objects}
         self._outlines = {name: outline(model.shape) for name, model in self._models.items()}
@@ -36,7 +38,7 @@ class Truth:
         data = self._physics.data
         contacts = self._contacts()
         bodies = {name: self._body(name, contacts.get(name, set())) for name in self._models}
-        arms = tuple(ArmTruth(tuple(map(float, d.positions)), d.tcp(), d.jaws.width) for d in self._drives)
+        arms = tuple(ArmTruth(tuple(map(float, c.positions)), c.tcp(), c.gripper.width) for c in self._controllers)
         joints = {name: float(data.qpos[address]) for name, address in self._joints.items()}
         return WorldSnapshot(self._physics.time, bodies, joints, arms, self._labels, start)
 

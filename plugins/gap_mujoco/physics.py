@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Protocol
 
 import mujoco
 import numpy as np
@@ -16,22 +15,19 @@ from gap_runtime.contracts.failures import GapError, SimulationDivergedError
 _MAX_SPEED = 100.0  # m/s or rad/s: nothing in a cell moves faster and is still physics
 
 
-class Controller(Protocol):
-    """Something that drives actuators."""
-
-    def drive(self) -> None:
-        """Write this step's controls."""
-
-    def follow(self) -> None:
-        """See what the step did, and prepare the next."""
-
-
 class Physics:
-    """State and clock of a compiled cell. `observers` are called after every step and must not change anything."""
+    """State and clock of a compiled cell.
+
+    Before every step `writers` write actuator controls; after it `observers` are called, which must not change
+    anything, then `updaters` prepare the next.
+    """
+
+    period = TIMESTEP  # [s]
 
     def __init__(self, scene: Scene) -> None:
         self.model, self.data = scene.model, mujoco.MjData(scene.model)
-        self.controllers: Sequence[Controller] = ()
+        self.writers: Sequence[Callable[[], None]] = ()
+        self.updaters: Sequence[Callable[[], None]] = ()
         self.observers: list[Callable[[], None]] = []
         self._clock = 0.0
         self.placed = False  # before the first reset there is nothing to simulate
@@ -57,8 +53,8 @@ class Physics:
     def step(self) -> None:
         """One time step. Raises `SimulationDivergedError`, or `GapError` before the first reset."""
         self.require_placed()
-        for controller in self.controllers:
-            controller.drive()
+        for write in self.writers:
+            write()
         mujoco.mj_step(self.model, self.data)
         before, self._clock = self._clock, self.data.time
         if not 0 < self._clock - before < 2 * TIMESTEP:
@@ -66,8 +62,8 @@ class Physics:
         self._check()
         for observer in tuple(self.observers):
             observer()
-        for controller in self.controllers:
-            controller.follow()
+        for update in self.updaters:
+            update()
 
     def require_placed(self) -> None:
         """Raise `GapError` before the first reset."""

@@ -1,4 +1,4 @@
-"""The MuJoCo world: a simulated cell behind the contract every world keeps."""
+"""The MuJoCo simulator: a simulated cell behind the contract of every cell."""
 
 from __future__ import annotations
 
@@ -6,17 +6,16 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from gap_mujoco import commands
-from gap_mujoco.arm import SimArm
+from gap_control import motion_executor
+from gap_mujoco.arm import MujocoArm
 from gap_mujoco.belief import Belief
-from gap_mujoco.control.joint_controller import Drive
-from gap_mujoco.ground_truth import Truth, pose_qpos
+from gap_mujoco.ground_truth import GroundTruthReader, pose_qpos
 from gap_mujoco.model.scene import compose
 from gap_mujoco.physics import Physics
 from gap_mujoco.rendering.camera import Renderer, camera_pose, observe
 from gap_mujoco.rendering.noise import SensorNoise
-from gap_mujoco.subscriptions import Ear
-from gap_mujoco.thread import WorldThread
+from gap_mujoco.subscriptions import Subscription
+from gap_mujoco.thread import SimulatorThread
 from gap_runtime.contracts.access import access, assert_privileged, current_node
 from gap_runtime.contracts.cell import CellFrame
 from gap_runtime.contracts.failures import BadRequestError, GapError, TaskInfeasibleError, UnknownNameError
@@ -36,7 +35,7 @@ class MujocoSimulator:
     real_time = False
 
     def __init__(self, task: Task, scene: str, robots: Mapping[str, RobotSpec]) -> None:
-        self._thread = WorldThread("mujoco")
+        self._thread = SimulatorThread("mujoco")
         self._scene_name, self._belief = scene, Belief(task, scene, robots)
         self._renderer: Renderer | None = None
         self._start: WorldSnapshot | None = None
@@ -47,14 +46,17 @@ class MujocoSimulator:
         self._scene = compose(task, scene, robots)
         self._physics = Physics(self._scene)
         self._noise = SensorNoise(task, self._scene.cameras, self._scene.model)
-        placed = self._scene.robots
-        self._drives = tuple(Drive(i, spec, place, self._physics) for i, (spec, place) in enumerate(placed))
-        self._arms = tuple(SimArm(d, place, self._thread) for d, (_, place) in zip(self._drives, placed, strict=True))
-        self._truth = Truth(task, self._scene, self._physics, self._drives)
-        self._physics.controllers = self._drives
+        self._arms = tuple(
+            MujocoArm(i, spec, placement, self._physics, self._thread)
+            for i, (spec, placement) in enumerate(self._scene.robots)
+        )
+        controllers = tuple(arm.controller for arm in self._arms)
+        self._physics.writers = [c.write_controls for c in controllers]
+        self._physics.updaters = [arm.executor.update for arm in self._arms]
+        self._truth = GroundTruthReader(task, self._scene, self._physics, controllers)
 
     @property
-    def arms(self) -> Sequence[SimArm]:
+    def arms(self) -> Sequence[MujocoArm]:
         """By arm_id."""
         return self._arms
 
@@ -96,8 +98,8 @@ class MujocoSimulator:
             self._place(name, pose)
         for name, value in instance.joints.items():
             data.qpos[self._truth.joint_address(name)] = value
-        for drive in self._drives:
-            drive.place_home()
+        for arm in self._arms:
+            arm.place_home()
         self._physics.forward()
         self._physics.placed = True
         with self._physics.unobserved():
@@ -136,7 +138,7 @@ class MujocoSimulator:
         self._physics.require_placed()
         names = self.camera_names if cameras is None else cameras
         frames = tuple(self._noise.seen(self._frame(name)) for name in names)
-        return Observation(frames, tuple(drive.state() for drive in self._drives), self.time)
+        return Observation(frames, tuple(arm.controller.state() for arm in self._arms), self.time)
 
     def true_frames(self) -> tuple[CameraObservation, ...]:
         """What perfect cameras would see from where these truly are. Privileged."""
@@ -183,7 +185,7 @@ class MujocoSimulator:
         if unknown:
             raise UnknownNameError("arm", str(unknown[0]), [str(i) for i in range(len(self._arms))])
         given = [self._arms[i].command(motions[i], tolerance) for i in sorted(motions)]
-        self._thread.call(commands.execute, given)
+        self._thread.call(motion_executor.execute, given)
 
     def wait(self, seconds: float) -> None:
         """Let world time pass."""
@@ -200,7 +202,7 @@ class MujocoSimulator:
     def subscribe(
         self, listener: Callable[[CellFrame], None], hz: float, cameras: Sequence[str] = ()
     ) -> Callable[[], None]:
-        """Call `listener` on the world's thread at `hz` of world time. Within a policy node, frames hold no truth."""
+        """Call `listener` on the simulator's thread at `hz` of its time. Within a policy node, frames hold no truth."""
         if not 0 < hz <= 500:
             raise BadRequestError("range", f"Cannot listen at {hz} Hz; more than 0, up to 500 Hz is possible.")
         truth = current_node() is None
@@ -209,12 +211,12 @@ class MujocoSimulator:
             snapshot = self._truth.snapshot(self._start) if truth else None
             return CellFrame(self.time, self._observe(cameras), snapshot)
 
-        ear = Ear(listener, hz, lambda: self.time, take)
-        self._thread.call(self._physics.observers.append, ear)
+        subscription = Subscription(listener, hz, lambda: self.time, take)
+        self._thread.call(self._physics.observers.append, subscription)
 
         def unsubscribe() -> None:
-            if ear in self._physics.observers:
-                self._thread.call(self._physics.observers.remove, ear)
+            if subscription in self._physics.observers:
+                self._thread.call(self._physics.observers.remove, subscription)
 
         return unsubscribe
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from gap_runtime.contracts.cell import CellFrame
 
 
-class Ear:
+class Subscription:
     """One subscription. Called after every physics step; `take` makes a frame when one is due."""
 
     def __init__(

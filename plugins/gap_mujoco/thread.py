@@ -1,4 +1,4 @@
-"""Runs everything of one world on one thread: GL contexts are bound to a thread, and physics wants no company."""
+"""Runs everything of one simulator on one thread: GL contexts are bound to a thread, and physics is not thread-safe."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-class WorldThread:
+class SimulatorThread:
     """Calls from any thread, done one at a time on this one. A call made on this thread runs at once."""
 
     def __init__(self, name: str) -> None:

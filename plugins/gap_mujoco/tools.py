@@ -69,11 +69,11 @@ def step_once(ctx: ToolContext, request: StepOnce) -> StepResult:
 
 @serves(MoveToJointsBlocking)
 def move_to_joints(ctx: ToolContext, request: MoveToJointsBlocking) -> StepResult:
-    from gap_mujoco.control.point_to_point import joint_move
+    from gap_control.point_to_point import point_to_point
 
     arm = ctx.cell.arms[0]
     arm.finish()
-    trajectory = joint_move(arm.spec, arm.state().joints.positions, request.target_joints.positions)
+    trajectory = point_to_point(arm.spec, arm.state().joints.positions, request.target_joints.positions)
     if trajectory.duration > request.max_steps * STEP:
         need = int(trajectory.duration / STEP) + 1
         raise BadRequestError(

@@ -6,8 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gap_mujoco.control.setpoints import refused
-from gap_mujoco.model.compiled import TIMESTEP
+from gap_control.setpoints import refused
 from gap_mujoco.physics import Physics
 from gap_runtime.contracts.failures import MotionError
 from gap_runtime.contracts.robot import RobotSpec
@@ -22,7 +21,7 @@ _MAX_SETTLE = 10.0  # [s]
 _PATIENCE = 1.0  # [s] beyond the time the stroke takes at full speed
 
 
-class Jaws:
+class ParallelGripper:
     """The gripper of one arm. Its finger joints slide from 0 (closed) to their upper limit (open).
 
     The actuator's length is the opening times a constant, so its set-point and force convert by that constant.
@@ -30,7 +29,7 @@ class Jaws:
 
     def __init__(self, index: int, spec: RobotSpec, physics: Physics) -> None:
         model = physics.model
-        self._spec, self._physics = spec.gripper, physics
+        self.spec, self._physics = spec.gripper, physics
         joints = [model.joint(f"arm{index}/{name}") for name in spec.gripper.joints]
         self._q = np.array([j.qposadr[0] for j in joints])
         self._v = np.array([j.dofadr[0] for j in joints])
@@ -49,7 +48,7 @@ class Jaws:
     def width(self) -> float:
         """Measured opening [m]."""
         share = float(np.mean(self._physics.data.qpos[self._q] / self._open))
-        return share * self._spec.max_width
+        return share * self.spec.max_width
 
     def state(self) -> GripperState:
         """Opening and squeezing force as the gripper's own sensors report them; jaws that squeeze and stand still
@@ -57,12 +56,12 @@ class Jaws:
         force = -float(self._physics.data.actuator_force[self._actuator]) * self._ratio
         speed = float(np.abs(self._physics.data.qvel[self._v]).sum())
         holding = force > _HOLDING * self._force and self.width > _AT_TARGET if speed < _STILL else None
-        return GripperState(self.width, self.width / self._spec.max_width, max(0.0, force), holding)
+        return GripperState(self.width, self.width / self.spec.max_width, max(0.0, force), holding)
 
     def place_open(self) -> None:
         """Write the open position and hold it with the default force. Only a reset may."""
         self._physics.data.qpos[self._q] = self._open
-        self._setpoint = self._target = self._spec.max_width
+        self._setpoint = self._target = self.spec.max_width
         self._stopped = lambda: False
         self._limit(DEFAULT_FORCE)
 
@@ -74,23 +73,23 @@ class Jaws:
         """
         if settle is not None and not 0 <= settle <= _MAX_SETTLE:
             raise refused(f"a settle time of {settle} s is outside 0 to {_MAX_SETTLE:.0f} s")
-        self._aim(width, force, stopped)
+        self._set_target(width, force, stopped)
         if settle is not None:
             while not self._done():
                 self._step()
-            for _ in range(round(settle / TIMESTEP)):
+            for _ in range(round(settle / self._physics.period)):
                 self._step()
 
-    def squeeze(self, force: float) -> None:
+    def set_force(self, force: float) -> None:
         """Push with at most `force` [N] from now on. Raises `MotionError` (`refused`)."""
-        if not 0 < force <= self._spec.max_force:
-            raise refused(f"a gripping force of {force} N is outside 0 to {self._spec.max_force} N")
+        if not 0 < force <= self.spec.max_force:
+            raise refused(f"a gripping force of {force} N is outside 0 to {self.spec.max_force} N")
         self._limit(force)
 
-    def _aim(self, width: float, force: float | None, stopped: Callable[[], bool]) -> None:
-        if not 0 <= width <= self._spec.max_width + 1e-9:
-            raise refused(f"a jaw opening of {width} m is outside 0 to {self._spec.max_width} m")
-        self.squeeze(DEFAULT_FORCE if force is None else force)
+    def _set_target(self, width: float, force: float | None, stopped: Callable[[], bool]) -> None:
+        if not 0 <= width <= self.spec.max_width + 1e-9:
+            raise refused(f"a jaw opening of {width} m is outside 0 to {self.spec.max_width} m")
+        self.set_force(DEFAULT_FORCE if force is None else force)
         if width > self._setpoint:  # what is squeezed keeps the jaws open: start from there, not from the squeeze
             self._setpoint = min(max(self._setpoint, self.width), width)
         self._target, self._stopped = width, stopped
@@ -101,11 +100,11 @@ class Jaws:
             raise MotionError("stopped", "The arm was told to stop.")
         self._physics.step()
 
-    def drive(self) -> None:
+    def write_control(self) -> None:
         """Write this step's control: the set-point walks to the target at no more than full speed."""
         if self._stopped():
             self._target = self._setpoint
-        step = self._spec.max_speed * TIMESTEP
+        step = self.spec.max_speed * self._physics.period
         self._setpoint += float(np.clip(self._target - self._setpoint, -step, step))
         # Fully closed means squeezing: aim past zero, or thin things would be held by a sliver of the force.
         closed = self._setpoint <= 0 and self._target <= 0
@@ -120,9 +119,9 @@ class Jaws:
         arrived = abs(self._setpoint - self._target) < 1e-9
         if arrived and abs(self.width - self._target) < _AT_TARGET and self._still:
             return True
-        longest = self._spec.max_width / self._spec.max_speed + _PATIENCE
+        longest = self.spec.max_width / self.spec.max_speed + _PATIENCE
         lagging = abs(self._setpoint - self.width) > _AT_TARGET
-        return (lagging and self._still >= _STILL_STEPS) or self._waited * TIMESTEP > longest
+        return (lagging and self._still >= _STILL_STEPS) or self._waited * self._physics.period > longest
 
     def _limit(self, force: float) -> None:
         self._force = force

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gap_mujoco.control.point_to_point import joint_move
+from gap_control.point_to_point import point_to_point
 from gap_mujoco.simulator import MujocoSimulator
 from gap_robots.panda import panda
 from gap_runtime.contracts.task import load_task
@@ -89,21 +89,21 @@ def reach_to(make_world):
     """reach_to(world, position, rotation): joints that put the TCP there, by damped least squares from where it is."""
 
     def reach(world, position, rotation=DOWN):
-        model, drive = world._scene.model, world._drives[0]
-        data, spec, q = mujoco.MjData(model), drive.spec, drive.positions.copy()
+        model, controller = world._scene.model, world.arms[0].controller
+        data, spec, q = mujoco.MjData(model), controller.spec, controller.positions.copy()
         low, high = (np.array([getattr(j, k) for j in spec.limits]) for k in ("lower", "upper"))
         for _ in range(200):
-            data.qpos[drive._q] = q
+            data.qpos[controller._q] = q
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
-            R = data.xmat[drive._flange].reshape(3, 3)
-            p = data.xpos[drive._flange] + R @ spec.tcp_offset_position
+            R = data.xmat[controller._flange].reshape(3, 3)
+            p = data.xpos[controller._flange] + R @ spec.tcp_offset_position
             error = np.concatenate([position - p, Rotation.from_matrix(rotation @ R.T).as_rotvec()])
             if np.abs(error).max() < 1e-4:
                 return q
             jacobian = np.zeros((6, model.nv))
-            mujoco.mj_jac(model, data, jacobian[:3], jacobian[3:], p, drive._flange)
-            J = jacobian[:, drive._v]
+            mujoco.mj_jac(model, data, jacobian[:3], jacobian[3:], p, controller._flange)
+            J = jacobian[:, controller._v]
             q = np.clip(q + J.T @ np.linalg.solve(J @ J.T + 1e-4 * np.eye(6), error), low + 0.01, high - 0.01)
         raise AssertionError(f"no joints for {position}")
 
@@ -117,6 +117,6 @@ def move_to(reach_to):
     def move(world, position, rotation=DOWN):
         arm = world.arms[0]
         goal = reach_to(world, np.asarray(position), rotation)
-        arm.execute(joint_move(arm.spec, arm.state().joints.positions, goal))
+        arm.execute(point_to_point(arm.spec, arm.state().joints.positions, goal))
 
     return move

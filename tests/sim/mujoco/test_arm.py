@@ -7,7 +7,7 @@ import threading
 import numpy as np
 import pytest
 
-from gap_mujoco.control.point_to_point import joint_move
+from gap_control.point_to_point import point_to_point
 from gap_runtime.contracts.failures import MotionError
 from gap_runtime.contracts.types import Trajectory
 
@@ -19,17 +19,17 @@ def swing(arm, joint=0, by=0.5):
     start = arm.state().joints.positions
     goal = start.copy()
     goal[joint] += by
-    return joint_move(arm.spec, start, goal)
+    return point_to_point(arm.spec, start, goal)
 
 
 def test_a_trajectory_is_tracked_within_limits(world):
     arm, speeds, torques, lags = world.arms[0], [], [], []
-    drive = world._drives[0]
+    controller = world.arms[0].controller
 
     def look():
-        speeds.append(np.abs(drive.velocities))
-        torques.append(np.abs(drive.state().joints.efforts))
-        lags.append(np.abs(drive.positions - drive.target).max())
+        speeds.append(np.abs(controller.velocities))
+        torques.append(np.abs(controller.state().joints.efforts))
+        lags.append(np.abs(controller.positions - controller.target).max())
 
     world._physics.observers.append(look)
     trajectory = swing(arm)
@@ -102,9 +102,9 @@ def test_driving_into_the_floor_is_a_contact(world, move_to):
 
 
 def test_a_weak_arm_reports_that_it_cannot_follow(world):
-    model, drive = world._scene.model, world._drives[0]
+    model, controller = world._scene.model, world.arms[0].controller
     strong = model.actuator_forcerange.copy()
-    model.actuator_forcerange[drive._u] = [-0.5, 0.5]
+    model.actuator_forcerange[controller._u] = [-0.5, 0.5]
     try:
         with pytest.raises(MotionError) as stop:
             world.arms[0].execute(swing(world.arms[0], by=1.0))
@@ -123,7 +123,7 @@ def test_an_arm_that_is_held_short_of_its_goal_is_stalled(world):
     goal[6] += 0.06
     try:
         with pytest.raises(MotionError) as stop:
-            arm.execute(joint_move(arm.spec, start, goal))
+            arm.execute(point_to_point(arm.spec, start, goal))
     finally:
         joint.range[:] = free
     assert stop.value.code in ("stalled", "contact") and "panda_joint7" in stop.value.message
@@ -156,10 +156,10 @@ def test_stop_from_another_thread_ends_the_motion_and_only_that(world):
 
 def test_stop_brakes_within_the_acceleration_limits(world):
     arm, speeds = world.arms[0], []
-    drive = world._drives[0]
+    controller = world.arms[0].controller
 
     def look():
-        speeds.append(drive.velocity.copy())
+        speeds.append(controller.velocity.copy())
         if len(speeds) == 200:
             arm.stop()
 

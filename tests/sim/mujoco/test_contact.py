@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gap_mujoco.control.contact_reaction import BACK_OFF
+from gap_control.contact_reaction import RETRACT_DISTANCE
 from gap_mujoco.simulator import MujocoSimulator
 from gap_runtime.contracts.failures import MotionError
 from gap_runtime.contracts.task import Support
@@ -37,16 +37,18 @@ def made(request, task):
 
 @pytest.fixture
 def cell(made):
-    """The world, its only drive, the share of the contact torque at every step, and `call(tool, **inputs)`."""
+    """The world, its only controller, the share of the contact torque at every step, and `call(tool, **inputs)`."""
     context = SimpleNamespace(
         cell=made, task=made.task, state={}, seed=0, robot=lambda arm_id=0: made.arms[0].spec,
         shared=lambda key, make: make(), raise_if_cancelled=lambda: None,
     )  # fmt: skip
     made.reset(made.sample(1))
-    drive, shares = made._drives[0], []
-    made._physics.observers.append(lambda: shares.append((drive.outside_torque / drive.outside_limit).max()))
+    controller, shares = made.arms[0].controller, []
+    made._physics.observers.append(
+        lambda: shares.append((controller.external_torque / controller.contact_torque).max())
+    )
     yield SimpleNamespace(
-        cell=made, arm=made.arms[0], shares=shares, drive=drive,
+        cell=made, arm=made.arms[0], shares=shares, controller=controller,
         call=lambda name, **inputs: REGISTRY.tool(name)(context, **inputs),
     )  # fmt: skip
     made._physics.observers.clear()
@@ -68,7 +70,7 @@ def test_an_arm_that_met_a_slab_lets_go_and_goes_home(cell, speed):
     cell.cell.wait(0.3)
     rest = cell.arm.state()
     assert cell.shares[-1] < 1 and np.abs(rest.joints.velocities).max() < 0.01
-    assert abs(rest.ee_pose.position.z - here) < 2 * BACK_OFF
+    assert abs(rest.ee_pose.position.z - here) < 2 * RETRACT_DISTANCE
     cell.call("robot_control.GoHome")
     np.testing.assert_allclose(cell.arm.state().joints.positions, cell.arm.spec.home, atol=0.01)
 

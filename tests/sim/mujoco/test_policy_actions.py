@@ -24,8 +24,8 @@ def cell(request, cell_of):
         cell=world, task=world.task, state={}, seed=0, robot=lambda arm_id=0: world.arms[0].spec,
         shared=lambda key, make: make(), raise_if_cancelled=lambda: None,
     )  # fmt: skip
-    drive = world._drives[0]
-    world._physics.observers.append(lambda: seen.append((drive.applied.positions, drive.velocities)))
+    controller = world.arms[0].controller
+    world._physics.observers.append(lambda: seen.append((controller.applied.positions, controller.velocities)))
     yield SimpleNamespace(
         cell=world, arm=world.arms[0], seen=seen,
         act=lambda *action: REGISTRY.tool("robot_control.ApplyPolicyAction")(context, action=list(action)),

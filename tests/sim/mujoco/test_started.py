@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gap_mujoco.control.point_to_point import joint_move
+from gap_control.point_to_point import point_to_point
 from gap_runtime.contracts.failures import MotionError
 
 pytestmark = pytest.mark.sim
@@ -15,7 +15,7 @@ def swing(arm, by=0.5, joint=0):
     start = arm.state().joints.positions
     goal = start.copy()
     goal[joint] += by
-    return joint_move(arm.spec, start, goal)
+    return point_to_point(arm.spec, start, goal)
 
 
 def at(arm, trajectory, atol=2e-3):
@@ -57,7 +57,7 @@ def test_the_next_motion_waits_for_the_one_under_way(world):
     arm = world.arms[0]
     first = swing(arm)
     arm.start(first)
-    back = joint_move(arm.spec, first.positions[-1], np.array(arm.spec.home))
+    back = point_to_point(arm.spec, first.positions[-1], np.array(arm.spec.home))
     arm.execute(back)
     assert at(arm, back) and world.time > first.duration + back.duration - 0.01
 
@@ -82,7 +82,7 @@ def failed(world, move_to, reach_to):
     """A world whose arm has met the floor on a motion that nobody waited for."""
     arm = world.arms[0]
     move_to(world, [-0.3, 0.12, 0.10])
-    arm.start(joint_move(arm.spec, arm.state().joints.positions, reach_to(world, np.array([-0.3, 0.12, -0.10]))))
+    arm.start(point_to_point(arm.spec, arm.state().joints.positions, reach_to(world, np.array([-0.3, 0.12, -0.10]))))
     began = world.time
     world.wait(1.5)
     return world, began
@@ -137,7 +137,7 @@ def test_a_new_episode_knows_nothing_of_what_was_under_way(world):
 
 def test_a_replacement_goes_on_from_the_motion_under_way(world):
     arm, speeds = world.arms[0], []
-    drive = world._drives[0]
+    controller = world.arms[0].controller
     arm.start(swing(arm, 1.0))
     world.wait(0.4)
     with pytest.raises(MotionError, match="starts at"):
@@ -145,7 +145,7 @@ def test_a_replacement_goes_on_from_the_motion_under_way(world):
     now = arm.setpoint()
     t = np.linspace(0, 1, 201)[:, None]
     onward = now.positions + now.velocities * (t - t**2 + t**3 / 3)  # slows down evenly to rest
-    world._physics.observers.append(lambda: speeds.append(drive.velocity.copy()))
+    world._physics.observers.append(lambda: speeds.append(controller.velocity.copy()))
     arm.start(type(swing(arm))(t[:, 0], onward, now.velocities * (1 - t) ** 2), replace=True)
     arm.finish()
     world._physics.observers.clear()
@@ -156,8 +156,8 @@ def test_a_replacement_goes_on_from_the_motion_under_way(world):
 def test_a_failure_that_is_known_is_told_even_before_the_arm_is_at_rest(world, move_to, reach_to):
     arm = world.arms[0]
     move_to(world, [-0.3, 0.12, 0.10])
-    arm.start(joint_move(arm.spec, arm.state().joints.positions, reach_to(world, np.array([-0.3, 0.12, -0.10]))))
-    motion = world._drives[0].motion
+    arm.start(point_to_point(arm.spec, arm.state().joints.positions, reach_to(world, np.array([-0.3, 0.12, -0.10]))))
+    motion = arm.executor.motion
     while not motion.failure:
         world.wait(0.002)
     assert not motion.done

@@ -21,7 +21,7 @@ OVERSHOOT, LAG = 0.0005, 0.002  # m past the end, rad behind the set-point
 @pytest.mark.parametrize("robot", ["panda", "ur5e"])
 def test_a_fast_line_does_not_overshoot(cell_of, robot, lean):
     world, seen = cell_of(robot), []
-    drive = world._drives[0]
+    controller = world.arms[0].controller
     context = SimpleNamespace(
         cell=world, task=world.task, state={}, seed=0, robot=lambda arm_id=0: world.arms[0].spec,
         shared=lambda key, make: make(), raise_if_cancelled=lambda: None,
@@ -32,7 +32,7 @@ def test_a_fast_line_does_not_overshoot(cell_of, robot, lean):
     REGISTRY.tool("robot_control.GoToPose")(context, pose=before)
     world._physics.observers.append(
         lambda: seen.append(
-            (drive.tcp().position.array - GOAL, np.abs(drive.positions - drive.applied.positions).max())
+            (controller.tcp().position.array - GOAL, np.abs(controller.positions - controller.applied.positions).max())
         )
     )
     REGISTRY.tool("robot_control.GoToPoseCartesian")(context, pose=Se3Pose(Vec3.of(GOAL), rotation))

@@ -45,7 +45,7 @@ def cell(made):
     )  # fmt: skip
     made.reset(made.sample(1))
     speeds = []
-    made._physics.observers.append(lambda: speeds.append([np.abs(d.velocity).max() for d in made._drives]))
+    made._physics.observers.append(lambda: speeds.append([np.abs(a.controller.velocity).max() for a in made.arms]))
     yield SimpleNamespace(
         cell=made, arms=made.arms, speeds=speeds,
         call=lambda name, **inputs: REGISTRY.tool(name)(context, **inputs),

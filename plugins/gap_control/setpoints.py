@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from gap_mujoco.model.compiled import TIMESTEP
+from gap_control.joint_controller import JointCommand
 from gap_runtime.contracts.failures import MotionError
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.types import Array, Trajectory
@@ -20,46 +20,43 @@ BLEND = 0.1  # [s] over which a small mismatch at the start is taken out
 
 
 class Setpoints(NamedTuple):
-    """One row per time step: joint positions [rad] and velocities [rad/s], shape (T, n)."""
+    """One row per control period: joint positions [rad] and velocities [rad/s], shape (T, n)."""
 
     positions: Array
     velocities: Array
-
-
-class Applied(NamedTuple):
-    """What the servos were given for the last step, shapes (n,): [rad], [rad/s], [rad/s^2]."""
-
-    positions: Array
-    velocities: Array
-    accelerations: Array
 
 
 def setpoints(
-    trajectory: Trajectory, spec: RobotSpec, measured: Array, commanded: Array, flying: Applied | None = None
+    trajectory: Trajectory,
+    spec: RobotSpec,
+    period: float,
+    measured: Array,
+    commanded: Array,
+    takeover: JointCommand | None = None,
 ) -> Setpoints:
-    """Set-points that lead smoothly from the `commanded` joints into the trajectory, on to its last point.
+    """Set-points, one per `period` [s], that lead smoothly from the `commanded` joints into the trajectory, to its end.
 
-    Cubic between points where velocities are given, else linear. With `flying` the trajectory must take over from that
-    set-point as it moves. Raises `MotionError` code `refused` when the trajectory is not finite, not for this arm,
-    leaves a joint limit, or does not start at the `measured` joints or go on from the `flying` set-point.
+    Cubic between points where velocities are given, else linear. With `takeover` the trajectory must take over from
+    that set-point as it moves. Raises `MotionError` code `refused` when the trajectory is not finite, not for this arm,
+    leaves a joint limit, or does not start at the `measured` joints or go on from the set-point of `takeover`.
     """
     _check_form(trajectory, spec)
-    if flying is not None:
-        _check_taking_over(trajectory, spec, flying)
-        measured = commanded = flying.positions
-    gap = np.abs(trajectory.positions[0] - measured)
-    if gap.max() > START_TOLERANCE:
-        worst = int(gap.argmax())
+    if takeover is not None:
+        _check_takeover(trajectory, spec, period, takeover)
+        measured = commanded = takeover.positions
+    error = np.abs(trajectory.positions[0] - measured)
+    if error.max() > START_TOLERANCE:
+        worst = int(error.argmax())
         raise refused(
-            f"the trajectory starts {gap[worst]:.3f} rad away from where {spec.joints[worst]} is",
+            f"the trajectory starts {error[worst]:.3f} rad away from where {spec.joints[worst]} is",
             f"Start it at the measured joints (within {START_TOLERANCE} rad).",
         )
-    points = _interpolate(trajectory)
+    points = _interpolate(trajectory, period)
     _check_limits(points, spec)
-    t = np.minimum((1 + np.arange(len(points.positions))) * TIMESTEP / BLEND, 1.0)[:, None]
-    gap = commanded - trajectory.positions[0]
+    t = np.minimum((1 + np.arange(len(points.positions))) * period / BLEND, 1.0)[:, None]
+    mismatch = commanded - trajectory.positions[0]
     fade, rate = (1 - t) ** 2 * (1 + 2 * t), -6 * t * (1 - t) / BLEND
-    return Setpoints(points.positions + fade * gap, points.velocities + rate * gap)
+    return Setpoints(points.positions + fade * mismatch, points.velocities + rate * mismatch)
 
 
 def refused(problem: str, hint: str = "") -> MotionError:
@@ -82,24 +79,24 @@ def _check_form(trajectory: Trajectory, spec: RobotSpec) -> None:
         raise refused(f"it lasts {times[-1]:.0f} s, longer than {MAX_DURATION:.0f} s")
 
 
-def _check_taking_over(trajectory: Trajectory, spec: RobotSpec, flying: Applied) -> None:
-    """One step of the joint's acceleration limit, and rounding, is all the velocity may change by."""
+def _check_takeover(trajectory: Trajectory, spec: RobotSpec, period: float, takeover: JointCommand) -> None:
+    """One period at the joint's acceleration limit, and rounding, is all the velocity may change by."""
     if trajectory.velocities is None:
         raise refused("a trajectory that takes over from a motion needs velocities")
     limits = np.array([x.acceleration for x in spec.limits])
-    jump = np.abs(trajectory.velocities[0] - flying.velocities)
-    if (jump > limits * TIMESTEP + SLACK).any():
+    jump = np.abs(trajectory.velocities[0] - takeover.velocities)
+    if (jump > limits * period + SLACK).any():
         worst = int((jump / limits).argmax())
         raise refused(
-            f"{spec.joints[worst]} moves at {flying.velocities[worst]:.3f} rad/s, "
+            f"{spec.joints[worst]} moves at {takeover.velocities[worst]:.3f} rad/s, "
             f"the trajectory starts at {trajectory.velocities[0][worst]:.3f} rad/s",
             "Begin it at Arm.setpoint().",
         )
 
 
-def _interpolate(trajectory: Trajectory) -> Setpoints:
+def _interpolate(trajectory: Trajectory, period: float) -> Setpoints:
     end = trajectory.times[-1]
-    t = np.minimum((1 + np.arange(max(1, int(np.ceil(end / TIMESTEP - 1e-9))))) * TIMESTEP, end)
+    t = np.minimum((1 + np.arange(max(1, int(np.ceil(end / period - 1e-9))))) * period, end)
     if len(trajectory.times) == 1:
         return Setpoints(trajectory.positions.copy(), np.zeros_like(trajectory.positions))
     if trajectory.velocities is not None:
