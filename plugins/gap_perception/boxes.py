@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from gap_catalogue.checks import clipped
-from gap_perception.models.views import Candidate, see
+from gap_perception.candidates import Candidate
+from gap_perception.image_view import view_image
 from gap_runtime.contracts.tool import ToolContext
 from gap_runtime.contracts.types import Array, BoundingBox2D, Image
 
@@ -24,7 +25,7 @@ def fill(ctx: ToolContext, image: Image, box: BoundingBox2D) -> list[tuple[float
     """(score, mask) of the segments that fill the box, best first. Raises `BadRequestError` for a box without area."""
     low_x, low_y, high_x, high_y = clipped(box, image)
     x0, y0, x1, y1 = math.floor(low_x), math.floor(low_y), math.ceil(high_x), math.ceil(high_y)
-    view = see(ctx, image)
+    view = view_image(ctx, image)
     scored = [(_overlap(c, (x0, y0, x1, y1)), c) for c in view.candidates]
     found = [(score, c.mask) for score, c in scored if score >= FILLS]
     found.sort(key=lambda f: -f[0])

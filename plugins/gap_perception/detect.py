@@ -27,11 +27,11 @@ def owlvit_detect(ctx: ToolContext, request: OwlvitDetect) -> Detections:
 def _detect(
     ctx: ToolContext, image: Image, phrases: Sequence[str], box_threshold: float, text_threshold: float
 ) -> Detections:
+    from gap_perception.image_view import view_image
     from gap_perception.language.phrases import read_phrase
     from gap_perception.language.relations import matches
-    from gap_perception.models.views import see
 
-    view = see(ctx, image)
+    view = view_image(ctx, image)
     found: list[Detection] = []
     for text in phrases:
         phrase = read_phrase(text, view.vocabulary)

@@ -9,10 +9,11 @@ from types import MappingProxyType
 import numpy as np
 
 from gap_catalogue.shared.frames import FoundFrame, find
+from gap_perception.candidates import Candidate, box_of
+from gap_perception.image_view import ImageView
 from gap_perception.language.phrases import Phrase, read_phrase
 from gap_perception.language.relations import matches
 from gap_perception.language.vocabulary import Vocabulary
-from gap_perception.models.views import Candidate, ImageView, box_of
 from gap_runtime.contracts.task import ObjectModel, Shape
 from gap_runtime.contracts.task.container_geometry import body_centre
 from gap_runtime.contracts.tool import ToolContext
@@ -71,7 +72,7 @@ def _shown(ctx: ToolContext, source: FoundFrame, whole: Candidate, part: str) ->
     from gap_perception.scene.analyse import analyse
 
     match = analyse(ctx, source.scene).instances[whole.instance].match
-    inside = part_points(match.fit.appearance.model, part) if match else None
+    inside = part_points(match.fit.surface.model, part) if match else None
     if match is None or inside is None:
         return None
     rows, columns, points = _pixels(ctx, source, whole)

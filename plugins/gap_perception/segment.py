@@ -23,12 +23,12 @@ def sam3_segment_text(ctx: ToolContext, request: Sam3SegmentText) -> NamedSegmen
 
     It may also name a part, `handle` or `rim`, of an object whose model has one: "handle of the frying pan", "rim".
     """
+    from gap_perception.image_view import view_image
     from gap_perception.language.phrases import read_phrase
     from gap_perception.language.relations import matches
-    from gap_perception.models.views import see
     from gap_perception.parts import named_parts
 
-    view = see(ctx, request.image)
+    view = view_image(ctx, request.image)
     phrase = read_phrase(request.text_prompt, view.vocabulary)
     if phrase is not None:
         found = matches(view, phrase, TEXT_SCORE)
@@ -68,9 +68,9 @@ def sam2_segment_box(ctx: ToolContext, request: Sam2SegmentBox) -> Segments:
 
 
 def _at_point(ctx: ToolContext, request: Sam2SegmentPoint | Sam3SegmentPoint) -> Segments:
-    from gap_perception.models.views import see
+    from gap_perception.image_view import view_image
 
-    hit = [c for c in see(ctx, request.image).candidates if c.mask[request.pixel_y, request.pixel_x]]
+    hit = [c for c in view_image(ctx, request.image).candidates if c.mask[request.pixel_y, request.pixel_x]]
     return _segments([(max(c.scores.values(), default=0.5), c.mask) for c in hit])
 
 

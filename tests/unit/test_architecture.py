@@ -41,11 +41,6 @@ LAYER = {
 }
 # Files beside the rooms, open to all.
 FOUNDATIONS = {"gap_runtime.errors", "gap_runtime.hookspecs", "gap_runtime.__version__", "gap_cli.__version__"}
-# Modules that import each other, type-only imports included. Who breaks a circle removes its names here.
-IN_A_CIRCLE = (
-    "gap_perception.models.views",
-    "gap_perception.scene.appearance",
-)
 MAX_SHARED_CLASS_NAMES = 5
 LIBRARIES = ("gap_control",)  # plugins that other plugins import
 SOURCES = sorted(p for room in ("gap_runtime", "gap_cli", "plugins", "morsl") for p in (ROOT / room).rglob("*.py"))
@@ -140,13 +135,7 @@ def modules_in_circles():
 
 
 def test_no_modules_import_each_other():
-    assert modules_in_circles() <= set(IN_A_CIRCLE)
-
-
-@pytest.mark.xfail(strict=True, reason="to be broken; then remove the name from IN_A_CIRCLE")
-@pytest.mark.parametrize("module", IN_A_CIRCLE)
-def test_a_module_known_to_be_in_an_import_circle_has_left_it(module):
-    assert module not in modules_in_circles()
+    assert not modules_in_circles()
 
 
 @pytest.mark.xfail(strict=True, reason="names still shared; whoever brings them down removes this mark")

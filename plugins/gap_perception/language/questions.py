@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 
+from gap_perception.candidates import Candidate
+from gap_perception.image_view import ImageView
 from gap_perception.language.phrases import Phrase, read_phrase, read_relation
 from gap_perception.language.relations import distance, holds, matches
-from gap_perception.models.views import Candidate, ImageView
 from gap_runtime.contracts.failures import PerceptionError
 
 PRESENT = 0.3  # probability from which a thing counts as there

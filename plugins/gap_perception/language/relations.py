@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from gap_perception.candidates import Candidate
+from gap_perception.image_view import ImageView
 from gap_perception.language.phrases import Phrase
-from gap_perception.models.views import Candidate, ImageView
 from gap_runtime.contracts.failures import PerceptionError
 
 REFERENCE_SCORE = 0.3  # from which a candidate may serve as a reference

@@ -48,13 +48,13 @@ def molmo_query_yes_no(ctx: ToolContext, request: MolmoQueryYesNo) -> YesNo:
 @serves(PointPrompt)
 def molmo_point_prompt(ctx: ToolContext, request: PointPrompt) -> PointedPixel:
     """The pixel of the best match that is farthest from its outline."""
+    from gap_perception.image_view import view_image
     from gap_perception.language.phrases import read_phrase
     from gap_perception.language.questions import PRESENT
     from gap_perception.language.relations import matches
-    from gap_perception.models.views import see
     from gap_perception.points2d import deepest_pixel
 
-    view = see(ctx, request.image)
+    view = view_image(ctx, request.image)
     phrase = read_phrase(request.object_name, view.vocabulary)
     found = matches(view, phrase, PRESENT) if phrase else []
     if not found:
@@ -63,13 +63,13 @@ def molmo_point_prompt(ctx: ToolContext, request: PointPrompt) -> PointedPixel:
 
 
 def _ask(ctx: ToolContext, prompt: str, image: Image | None, *, every: bool = False) -> str:
+    from gap_perception.image_view import view_image
     from gap_perception.language.questions import CANNOT, NotUnderstood, answer
-    from gap_perception.models.views import see
 
     reasons = []
     for picture in images_meant(ctx, image, every):
         try:
-            return answer(see(ctx, picture), prompt)
+            return answer(view_image(ctx, picture), prompt)
         except NotUnderstood as reason:
             reasons.append(str(reason))
         except PerceptionError as reason:

@@ -53,7 +53,7 @@ def _temporary(text: str) -> Path:
 
 def _window(mask: Array) -> tuple[int, int, int, int]:
     """The mask's box, or the whole image for an empty mask."""
-    from gap_perception.models.views import box_of
+    from gap_perception.candidates import box_of
 
     return box_of(mask) if mask.any() else (0, 0, mask.shape[1], mask.shape[0])
 

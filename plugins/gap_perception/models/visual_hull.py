@@ -28,12 +28,12 @@ def build_mesh(views: Sequence[MaskedView], obb: OrientedBoundingBox) -> tuple[A
 
     Raises `PerceptionError` (`nothing_seen`) when no masked pixel lies in the box or all of it was seen through.
     """
-    solid, cell = carve(views, obb)
-    vertices, faces = wrap(solid)
+    solid, cell = visual_hull(views, obb)
+    vertices, faces = mesh_surface(solid)
     return _smooth(vertices, faces) * cell - obb.extent.array, faces
 
 
-def carve(views: Sequence[MaskedView], obb: OrientedBoundingBox) -> tuple[Array, Array]:
+def visual_hull(views: Sequence[MaskedView], obb: OrientedBoundingBox) -> tuple[Array, Array]:
     """The largest connected part (X, Y, Z) of the box that no camera saw through, and the size of a voxel (3,) [m]."""
     size = 2 * np.maximum(obb.extent.array, 1e-4)
     shape = np.maximum(np.ceil(size / size.max() * CELLS).astype(int), 2)
@@ -58,7 +58,7 @@ def carve(views: Sequence[MaskedView], obb: OrientedBoundingBox) -> tuple[Array,
     return np.asarray(binary_fill_holes(parts == largest)), cell
 
 
-def wrap(solid: Array) -> tuple[Array, Array]:
+def mesh_surface(solid: Array) -> tuple[Array, Array]:
     """The surface of voxels: corners (V, 3) in cells, and closed triangles (F, 3), counter-clockwise from outside."""
     padded = np.pad(solid, 1)
     quads = []

@@ -12,11 +12,11 @@ import numpy as np
 from gap_catalogue.shared.frames import SeenObservation
 from gap_perception.language.vocabulary import Vocabulary, build_vocabulary
 from gap_perception.scene.colours import colour_words, perceptual
-from gap_perception.scene.instance_assignment import Instance, explain
-from gap_perception.scene.library import Appearance, build_library
-from gap_perception.scene.observed_points import EXACT, Measured, reach_of
+from gap_perception.scene.instance_assignment import ObjectInstance, assign_instances
+from gap_perception.scene.library import SurfaceModel, build_library
+from gap_perception.scene.observed_points import GRID_TOLERANCE, ObservedPoints, surface_tolerance
 from gap_perception.scene.points import CameraPoints, lift
-from gap_perception.scene.selfmask import MARGIN, on_robot, robot_model, solids_of
+from gap_perception.scene.selfmask import MARGIN, link_shapes, on_robot, robot_model
 from gap_perception.scene.visibility import depth_view
 from gap_perception.scene.voxel_clusters import Voxels, voxelise
 from gap_runtime.contracts.task import Task
@@ -40,12 +40,12 @@ class Analysis:
     """What an observation shows: `instances`, largest first, the `centers` and `sizes` (n, 3) of their points
     along the world's axes [m], and one label image (H, W) per camera with the instance's index, -1 elsewhere."""
 
-    instances: tuple[Instance, ...]
+    instances: tuple[ObjectInstance, ...]
     centers: Array
     sizes: Array
     labels: tuple[Array, ...]
     regions: tuple[tuple[Region | None, ...], ...]
-    library: Mapping[str, Appearance]
+    library: Mapping[str, SurfaceModel]
 
     def region(self, instance: int, camera: int) -> Region | None:
         """Where an instance shows in a camera's picture; None where it does not."""
@@ -62,9 +62,9 @@ def has_depth(scene: SeenObservation, camera: int) -> bool:
         return bool(scene.derived[key])
 
 
-def library_of(ctx: ToolContext) -> Mapping[str, Appearance]:
+def library_of(ctx: ToolContext) -> Mapping[str, SurfaceModel]:
     """The looks of the task's object models, learned once per process."""
-    library: Mapping[str, Appearance] = ctx.shared(
+    library: Mapping[str, SurfaceModel] = ctx.shared(
         f"gap_perception.library:{_models_key(ctx.task)}", lambda: build_library(ctx.task)
     )
     return library
@@ -101,10 +101,10 @@ def _analyse(ctx: ToolContext, scene: SeenObservation) -> Analysis:
     lifted = [lift(camera, ctx.task.environment) for camera in cameras]
     voxels = voxelise(np.concatenate([p.xyz for p in lifted]))
     measured = _measure(lifted, voxels)
-    blur = measured.reach - EXACT
+    blur = measured.tolerance - GRID_TOLERANCE
     kept = np.flatnonzero(~_on_any_robot(ctx, scene.observation.arm_states, voxels.centers, MARGIN + blur))
     ctx.raise_if_cancelled()
-    found = explain(library, measured.select(kept), [depth_view(p.camera, blur) for p in lifted])
+    found = assign_instances(library, measured.select(kept), [depth_view(p.camera, blur) for p in lifted])
     label_of = np.full(len(voxels.centers), -1, dtype=np.int16)
     for index, instance in enumerate(found):
         label_of[kept[instance.voxels]] = index
@@ -114,22 +114,24 @@ def _analyse(ctx: ToolContext, scene: SeenObservation) -> Analysis:
     return Analysis(tuple(found), (low + high) / 2, high - low, labels, regions, library)
 
 
-def _extents(points: Array, found: Sequence[Instance]) -> tuple[Array, Array]:
+def _extents(points: Array, found: Sequence[ObjectInstance]) -> tuple[Array, Array]:
     """Lowest and highest coordinates of each instance's points, each (n, 3) [m]."""
     low = np.array([points[i.voxels].min(axis=0) for i in found]).reshape(-1, 3)
     high = np.array([points[i.voxels].max(axis=0) for i in found]).reshape(-1, 3)
     return low, high
 
 
-def _measure(lifted: Sequence[CameraPoints], voxels: Voxels) -> Measured:
+def _measure(lifted: Sequence[CameraPoints], voxels: Voxels) -> ObservedPoints:
     colours = np.concatenate([perceptual(p.camera.rgb.data[p.rows, p.columns]) for p in lifted])
     support = np.concatenate([p.support for p in lifted])
 
     def mean(values: Array) -> Array:
         return np.bincount(voxels.of_point, weights=values, minlength=len(voxels.counts)) / voxels.counts
 
-    reach = max(reach_of(p.noise, p.tilt) for p in lifted)
-    return Measured(voxels.centers, np.column_stack([mean(colours[:, i]) for i in range(3)]), mean(support), reach)
+    tolerance = max(surface_tolerance(p.noise, p.tilt) for p in lifted)
+    return ObservedPoints(
+        voxels.centers, np.column_stack([mean(colours[:, i]) for i in range(3)]), mean(support), tolerance
+    )
 
 
 def _label_images(lifted: Sequence[CameraPoints], labels: Array) -> tuple[Array, ...]:
@@ -167,5 +169,5 @@ def _on_any_robot(ctx: ToolContext, states: Sequence[ArmState], points: Array, m
     for state in states:
         spec = ctx.robot(state.arm_id)
         model = ctx.shared(f"gap_perception.robot:{spec.model_file}", robot_model(spec))
-        hit |= on_robot(points, solids_of(model, spec, state, ctx.task.robots[state.arm_id]), margin)
+        hit |= on_robot(points, link_shapes(model, spec, state, ctx.task.robots[state.arm_id]), margin)
     return hit

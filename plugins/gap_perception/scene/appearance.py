@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gap_perception.models.views import Candidate, box_of
+from gap_perception.candidates import Candidate, box_of
 from gap_perception.scene.colours import hue_histogram, overlap, perceptual
-from gap_perception.scene.library import Appearance
+from gap_perception.scene.library import SurfaceModel
 from gap_runtime.contracts.types import Array, Image
 
 WORKING_SIDE = 640  # px: larger images are looked at reduced to this
@@ -21,7 +21,7 @@ SHARPNESS = 14.0  # log-likelihood per unit of histogram overlap; calibrated on 
 UNKNOWN_OVERLAP = 0.62  # histogram overlap at which something unknown is as likely
 
 
-def look(image: Image, library: Mapping[str, Appearance]) -> list[Candidate]:
+def segment_by_appearance(image: Image, library: Mapping[str, SurfaceModel]) -> list[Candidate]:
     """The parts of an image that stand out, each with the probability of being each model; largest first."""
     import cv2
 
@@ -35,7 +35,7 @@ def look(image: Image, library: Mapping[str, Appearance]) -> list[Candidate]:
     found = []
     for label in range(1, int(labels.max()) + 1):
         part = labels == label
-        scores = _scores(hue_histogram(lab[part]), histograms)
+        scores = _appearance_scores(hue_histogram(lab[part]), histograms)
         mask = part if scale == 1 else _enlarged(part, (columns, rows))
         found.append(Candidate(mask, box_of(mask), scores))
     return sorted(found, key=lambda c: (-np.count_nonzero(c.mask), c.box))
@@ -64,7 +64,7 @@ def _foreground(lab: Array) -> Array:
     return np.asarray((np.cumsum(keep) * keep)[labels])
 
 
-def _scores(seen: Array, histograms: Mapping[str, Array]) -> dict[str, float]:
+def _appearance_scores(seen: Array, histograms: Mapping[str, Array]) -> dict[str, float]:
     """Posterior over models and "none of them" from the Bhattacharyya overlap of colours."""
     shared = {name: overlap(seen, histogram) for name, histogram in histograms.items()}
     weight = {name: np.exp(SHARPNESS * (value - UNKNOWN_OVERLAP)) for name, value in shared.items()}

@@ -18,7 +18,7 @@ STEEPEST = 0.03  # rad: a larger tilt is no calibration error
 
 
 @dataclass(frozen=True)
-class Level:
+class ExtrinsicCorrection:
     """The supports appear `offset` [m] too high at the `middle` (2,) [m], rising by `slope` (2,) along x and y.
 
     `tilt` [m] is the error's root mean square over the pixels that see them.
@@ -39,14 +39,14 @@ class Level:
         return replace(camera, pose=Se3Pose.of(T))
 
 
-def find_level(x: Array, y: Array, height: Array, known: Array) -> Level:
+def fit_support_plane(x: Array, y: Array, height: Array, known: Array) -> ExtrinsicCorrection:
     """Fit a plane to the heights (H, W) of pixels at world x, y near a support; level where too few see one."""
     part = np.s_[::STRIDE, ::STRIDE]
     near = known[part] & (np.abs(height[part]) < NEAR)
     points = np.column_stack([x[part][near], y[part][near], height[part][near]]).astype(np.float64)
-    even = Level(np.zeros(2), 0.0, np.zeros(2), 0.0)
+    none = ExtrinsicCorrection(np.zeros(2), 0.0, np.zeros(2), 0.0)
     if len(points) < FEWEST:
-        return even
+        return none
     middle = points[:, :2].mean(axis=0)
     A = np.column_stack([points[:, :2] - middle, np.ones(len(points))])
     # The first plane is level at the commonest height: objects' feet and shelves near the support must not tilt it.
@@ -57,5 +57,5 @@ def find_level(x: Array, y: Array, height: Array, known: Array) -> Level:
         inside = np.abs(rest) <= INLIER * spread
         fitted = np.linalg.lstsq(A[inside], points[inside, 2], rcond=None)[0]
     if np.abs(fitted[:2]).max() > STEEPEST:
-        return even
-    return Level(middle, float(fitted[2]), fitted[:2], float(np.sqrt(np.mean((A @ fitted) ** 2))))
+        return none
+    return ExtrinsicCorrection(middle, float(fitted[2]), fitted[:2], float(np.sqrt(np.mean((A @ fitted) ** 2))))

@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gap_perception.scene.library import Appearance
+from gap_perception.scene.library import SurfaceModel
 from gap_runtime.contracts.types import Array
 
 ITERATIONS = 8
@@ -32,7 +32,7 @@ class Fit:
     `distance` (N,) [m] is how far each point it was fitted to lies from the model's surface.
     """
 
-    appearance: Appearance
+    surface: SurfaceModel
     rest: int
     rotation: Array
     position: Array
@@ -45,12 +45,12 @@ class Fit:
     def around(self, points: Array, margin: float) -> Array:
         """True for world points (N, 3) within `margin` [m] of the smallest sphere around the model, shape (N,)."""
         offset = points - self.position
-        reach = float(np.linalg.norm(self.appearance.model.shape.size)) / 2 + margin
+        reach = float(np.linalg.norm(self.surface.model.shape.size)) / 2 + margin
         return np.asarray(_dot(offset, offset) < reach**2)
 
     def surface_distance(self, points: Array) -> Array:
         """Distance of world points (N, 3) from the model's surface, shape (N,) [m]."""
-        return surface_distances(self.appearance, self.local(points))
+        return surface_distances(self.surface, self.local(points))
 
 
 @cache
@@ -65,19 +65,19 @@ def rests(kind: str) -> tuple[Array, ...]:
     return tuple(Rotation.from_euler("xyz", turn, degrees=True).as_matrix() for turn in turns)
 
 
-def resting_size(appearance: Appearance, rest: int) -> Array:
+def resting_size(surface: SurfaceModel, rest: int) -> Array:
     """Extents along level axes of the object resting that way, shape (3,) [m]."""
-    return np.asarray(np.abs(rests(appearance.model.shape.kind)[rest]) @ np.array(appearance.model.shape.size))
+    return np.asarray(np.abs(rests(surface.model.shape.kind)[rest]) @ np.array(surface.model.shape.size))
 
 
-def fit(appearance: Appearance, rest: int, points: Array, starts: Array, support: float, *, free: bool = False) -> Fit:
+def fit(surface: SurfaceModel, rest: int, points: Array, starts: Array, support: float, *, free: bool = False) -> Fit:
     """The best of `fits`: the one with the most points near its surface."""
-    found = fits(appearance, rest, points, starts, support, free=free)
+    found = fits(surface, rest, points, starts, support, free=free)
     return min(found, key=lambda f: float(np.minimum(f.distance, WRONG).mean()))
 
 
 def fits(
-    appearance: Appearance,
+    surface: SurfaceModel,
     rest: int,
     points: Array,
     starts: Array,
@@ -90,17 +90,17 @@ def fits(
 
     `support` is the height of the surface below; with `free` the object may hang at any height.
     """
-    base = rests(appearance.model.shape.kind)[rest]
-    half = resting_size(appearance, rest)[2] / 2
+    base = rests(surface.model.shape.kind)[rest]
+    half = resting_size(surface, rest)[2] / 2
     height, sigma = (float(points[:, 2].max()) - half, FREE_SIGMA) if free else (support + half, HEIGHT_SIGMA)
     state = np.column_stack([starts[:, :2], np.full(len(starts), height), starts[:, 2]])
     for i in range(rounds):
         scale = LOOSE * (TIGHT / LOOSE) ** (i / (rounds - 1))
         looked_at = points if i >= rounds - FINE else points[::2]
-        state = state + _step(appearance, base, looked_at, state, scale, (height, sigma))
+        state = state + _step(surface, base, looked_at, state, scale, (height, sigma))
     R, t = _pose(base, state)
-    distance = surface_distances(appearance, (points[None] - t[:, None]) @ R)
-    return [Fit(appearance, rest, R[s], t[s], distance[s]) for s in range(len(starts))]
+    distance = surface_distances(surface, (points[None] - t[:, None]) @ R)
+    return [Fit(surface, rest, R[s], t[s], distance[s]) for s in range(len(starts))]
 
 
 def _pose(base: Array, state: Array) -> tuple[Array, Array]:
@@ -111,15 +111,15 @@ def _pose(base: Array, state: Array) -> tuple[Array, Array]:
 
 
 def _step(
-    appearance: Appearance, base: Array, points: Array, state: Array, scale: float, height: tuple[float, float]
+    surface: SurfaceModel, base: Array, points: Array, state: Array, scale: float, height: tuple[float, float]
 ) -> Array:
     """One Gauss-Newton step of all starts at once, shape (S, 4)."""
     R, t = _pose(base, state)
     arm = points[None] - t[:, None]
     local = arm @ R
-    index = appearance.lookup(local)
-    offset = local - appearance.points[index]
-    flat = appearance.normals[index]
+    index = surface.lookup(local)
+    offset = local - surface.points[index]
+    flat = surface.normals[index]
     residual = _dot(flat, offset)
     weight = 1.0 / (1.0 + _dot(offset, offset) / scale**2) ** 2
     normal = flat @ R.transpose(0, 2, 1)
@@ -134,20 +134,20 @@ def _step(
     return np.asarray(np.linalg.solve(A, b[..., None])[..., 0])
 
 
-def surface_distances(appearance: Appearance, local: Array) -> Array:
+def surface_distances(surface: SurfaceModel, local: Array) -> Array:
     """Distance of points (..., 3) in the object's frame from the model's surface, shape (...) [m]: along the normal
     where the nearest surface point is near, else to that point."""
-    index = appearance.lookup(local)
-    offset = local - appearance.points[index]
-    normal = np.abs(_dot(appearance.normals[index], offset))
+    index = surface.lookup(local)
+    offset = local - surface.points[index]
+    normal = np.abs(_dot(surface.normals[index], offset))
     sideways = np.sqrt(np.maximum(_dot(offset, offset) - normal**2, 0.0))
     return np.asarray(np.hypot(normal, np.maximum(sideways - 0.004, 0.0)))
 
 
-def signed_depth(appearance: Appearance, local: Array) -> Array:
+def signed_depth(surface: SurfaceModel, local: Array) -> Array:
     """How far points (..., 3) in the object's frame lie behind its surface, shape (...) [m]; negative outside."""
-    index = appearance.lookup(local)
-    return -_dot(appearance.normals[index], local - appearance.points[index])
+    index = surface.lookup(local)
+    return -_dot(surface.normals[index], local - surface.points[index])
 
 
 def _dot(a: Array, b: Array) -> Array:

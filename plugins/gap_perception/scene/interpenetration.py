@@ -11,9 +11,9 @@ DEEP = 0.008  # m: fits of touching objects go into each other by less
 SHARE = 0.1  # of a model's surface
 
 
-def collide(a: Fit, b: Fit, blur: float = 0.0) -> bool:
+def interpenetrate(a: Fit, b: Fit, blur: float = 0.0) -> bool:
     """True when more than `SHARE` of one model's surface is deeper than `DEEP` + `blur` [m] inside the other."""
-    radii = sum(float(np.linalg.norm(f.appearance.model.shape.size)) / 2 for f in (a, b))
+    radii = sum(float(np.linalg.norm(f.surface.model.shape.size)) / 2 for f in (a, b))
     if np.linalg.norm(a.position - b.position) >= radii:
         return False
     return max(_inside(a, b, DEEP + blur), _inside(b, a, DEEP + blur)) > SHARE
@@ -21,6 +21,6 @@ def collide(a: Fit, b: Fit, blur: float = 0.0) -> bool:
 
 def _inside(a: Fit, b: Fit, deep: float) -> float:
     """Share of `a`'s surface that is deeper than `deep` [m] inside `b`."""
-    points = a.appearance.points[:: max(1, len(a.appearance.points) // SAMPLES)]
+    points = a.surface.points[:: max(1, len(a.surface.points) // SAMPLES)]
     local = b.local(points @ a.rotation.T + a.position)
-    return float((signed_depth(b.appearance, local) > deep).mean())
+    return float((signed_depth(b.surface, local) > deep).mean())

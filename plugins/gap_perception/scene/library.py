@@ -24,7 +24,7 @@ FLAT = 0.15  # cosine below which a surface is seen too flatly to learn from
 
 
 @dataclass(frozen=True)
-class Appearance:
+class SurfaceModel:
     """One object model as its surface: `points`, outward `normals` (M, 3) in the object's frame [m], `colours` (M, 3).
 
     `nearest` maps a cell of the grid that starts at `origin` to the index of the nearest surface point.
@@ -57,7 +57,7 @@ class Appearance:
         return np.asarray(self.nearest.ravel()[(cell[..., 0] * rows + cell[..., 1]) * layers + cell[..., 2]])
 
 
-def build_library(task: Task) -> dict[str, Appearance]:
+def build_library(task: Task) -> dict[str, SurfaceModel]:
     """Render every object model of the task alone and learn its surface; seconds, and nothing but the models."""
     from gap_mujoco.model.models import render_views
 
@@ -66,13 +66,13 @@ def build_library(task: Task) -> dict[str, Appearance]:
     return {name: learn(name, model, [v for v in views if v.name == name]) for name, model in task.objects.items()}
 
 
-def learn(name: str, model: ObjectModel, views: Sequence[Any]) -> Appearance:
+def learn(name: str, model: ObjectModel, views: Sequence[Any]) -> SurfaceModel:
     """Fuse views of one model (each with `observation`, `mask`, `yaw_deg`) into surface points on a grid."""
     parts = [_surface(v.observation, v.mask.data, v.yaw_deg) for v in views]
     return fuse(name, model, *(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def fuse(name: str, model: ObjectModel, points: Array, normals: Array, colours: Array, weights: Array) -> Appearance:
+def fuse(name: str, model: ObjectModel, points: Array, normals: Array, colours: Array, weights: Array) -> SurfaceModel:
     """Average samples of a model's surface, each (N, 3), over a grid, by their `weights` (N,)."""
     origin = points.min(axis=0) - PAD
     shape = np.ceil((points.max(axis=0) + PAD - origin) / CELL).astype(int) + 1
@@ -84,7 +84,7 @@ def fuse(name: str, model: ObjectModel, points: Array, normals: Array, colours: 
     index[used] = np.arange(len(used))
     index = index.reshape(shape)
     where = distance_transform_edt(index < 0, return_distances=False, return_indices=True)
-    return Appearance(name, model, points, normals, colours, origin, index[tuple(where)].astype(np.int32))
+    return SurfaceModel(name, model, points, normals, colours, origin, index[tuple(where)].astype(np.int32))
 
 
 def _surface(frame: CameraObservation, mask: Array, yaw_deg: float) -> tuple[Array, Array, Array, Array]:

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gap_perception.scene.fit import Fit
-from gap_perception.scene.library import Appearance
-from gap_perception.scene.observed_points import EXACT, Measured
+from gap_perception.scene.library import SurfaceModel
+from gap_perception.scene.observed_points import GRID_TOLERANCE, ObservedPoints
 from gap_perception.scene.visibility import Agreement, DepthView, agreement
 from gap_runtime.contracts.types import Array
 
@@ -24,11 +24,11 @@ LIGHTNESS_WEIGHT = 0.5  # light and shadow change lightness far more than hue
 UNEXPLAINED, SEEN_THROUGH, OFF_COLOUR = 12.0, 12.0, 0.25
 HOPELESS = 6.0  # shape cost from which colours need not be looked at
 USUAL_COLOUR = 8.0  # colour distance of a right match, from lighting and the grid
-COLOUR_BLUR = 1100.0  # more of it per metre of reach: print that is looked up beside its place
+COLOUR_BLUR = 1100.0  # more of it per metre of tolerance: print that is looked up beside its place
 
 
 @dataclass(frozen=True)
-class Match:
+class ModelMatch:
     """A fitted model with its evidence: `explained` share of the points, cameras' `agreement`, `colour` distance and
     what that distance usually is for the right model seen by these sensors."""
 
@@ -49,23 +49,25 @@ class Match:
         return UNEXPLAINED * (1 - self.explained) + SEEN_THROUGH * (1 - self.agreement.share)
 
 
-def judge(fit: Fit, part: Measured, views: Sequence[DepthView], *, near: Array | None = None) -> Match:
+def evaluate_match(
+    fit: Fit, part: ObservedPoints, views: Sequence[DepthView], *, near: Array | None = None
+) -> ModelMatch:
     """Evidence for a fit from the measured points it was fitted to; the fit is turned to agree with their colours.
 
     `near` (N,) says which of them the model has to explain, if not all.
     """
-    on_it = fit.distance < part.reach if near is None else near
-    usual = USUAL_COLOUR + COLOUR_BLUR * (part.reach - EXACT)
-    unlikely = Match(fit, float(on_it.mean()), agreement(fit, views), FAR_COLOUR, usual)
+    on_it = fit.distance < part.tolerance if near is None else near
+    usual = USUAL_COLOUR + COLOUR_BLUR * (part.tolerance - GRID_TOLERANCE)
+    unlikely = ModelMatch(fit, float(on_it.mean()), agreement(fit, views), FAR_COLOUR, usual)
     if unlikely.shape_cost > HOPELESS:  # whatever its colours
         return unlikely
     turned, colour = _turn(fit, part.select(on_it))
     return replace(unlikely, fit=turned, colour=colour)
 
 
-def _turn(fit: Fit, part: Measured) -> tuple[Fit, float]:
+def _turn(fit: Fit, part: ObservedPoints) -> tuple[Fit, float]:
     """The fit turned, among the turns its shape cannot tell apart, to where colours agree best."""
-    turns = np.array([np.eye(3), *symmetries(fit.appearance, standing=fit.rest == 0)])
+    turns = np.array([np.eye(3), *symmetries(fit.surface, standing=fit.rest == 0)])
     cost = colour_distances(fit, turns, part)
     for index in np.argsort(cost, kind="stable"):
         turned = replace(fit, rotation=fit.rotation @ turns[index])
@@ -74,14 +76,14 @@ def _turn(fit: Fit, part: Measured) -> tuple[Fit, float]:
     return fit, float(cost[0])
 
 
-def _still_on(fit: Fit, part: Measured) -> bool:
-    return float((fit.surface_distance(part.points) < part.reach).mean()) > SAME_SHAPE
+def _still_on(fit: Fit, part: ObservedPoints) -> bool:
+    return float((fit.surface_distance(part.points) < part.tolerance).mean()) > SAME_SHAPE
 
 
-def symmetries(appearance: Appearance, *, standing: bool) -> tuple[Array, ...]:
+def symmetries(surface: SurfaceModel, *, standing: bool) -> tuple[Array, ...]:
     """Turns, as rotations of the object's frame, that leave its outline about the same; upside down only when lying."""
-    x, y, _ = appearance.model.shape.size
-    return _symmetries(ROUND_TURNS if appearance.is_round else 4 if abs(x - y) < SQUARE else 2, standing)
+    x, y, _ = surface.model.shape.size
+    return _symmetries(ROUND_TURNS if surface.is_round else 4 if abs(x - y) < SQUARE else 2, standing)
 
 
 @cache
@@ -91,11 +93,11 @@ def _symmetries(steps: int, standing: bool) -> tuple[Array, ...]:
     return tuple(about_z[1:] if standing else about_z[1:] + [turn @ over for turn in about_z])
 
 
-def colour_distances(fit: Fit, turns: Array, part: Measured) -> Array:
+def colour_distances(fit: Fit, turns: Array, part: ObservedPoints) -> Array:
     """Mean CIELAB distance between measured colours and the model's at the same place, lightness level aside, for the
     fit turned by each of `turns` (T, 3, 3); shape (T,)."""
     local = fit.local(part.points) @ turns
-    difference = part.colours - fit.appearance.colours[fit.appearance.lookup(local)]
+    difference = part.colours - fit.surface.colours[fit.surface.lookup(local)]
     chroma = np.minimum(np.hypot(difference[..., 1], difference[..., 2]), FAR_COLOUR)
     level = np.median(difference[..., 0], axis=1, keepdims=True)
     lightness = np.minimum(np.abs(difference[..., 0] - level), FAR_COLOUR)

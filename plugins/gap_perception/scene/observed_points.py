@@ -6,28 +6,28 @@ from dataclasses import dataclass, replace
 
 from gap_runtime.contracts.types import Array
 
-EXACT = 0.004  # m: how far from a model's surface points of perfect frames may lie, for the grids on both sides
-MOST = 0.012  # m: worse sensors than this are not believed
+GRID_TOLERANCE = 0.004  # m: how far points of perfect frames may lie from a model's surface, since both are on grids
+MAX_TOLERANCE = 0.012  # m: worse sensors than this are not believed
 SIGMAS = 2.0
 
 
 @dataclass(frozen=True)
-class Measured:
+class ObservedPoints:
     """Points on a grid: `points` (M, 3) [m], CIELAB `colours` (M, 3), height of the `support` below each (M,) [m].
 
-    A point within `reach` [m] of a model's surface is explained by it.
+    A point within `tolerance` [m] of a model's surface is explained by it.
     """
 
     points: Array
     colours: Array
     support: Array
-    reach: float = EXACT
+    tolerance: float = GRID_TOLERANCE
 
-    def select(self, index: Array) -> Measured:
+    def select(self, index: Array) -> ObservedPoints:
         """The points at `index`."""
         return replace(self, points=self.points[index], colours=self.colours[index], support=self.support[index])
 
 
-def reach_of(noise: float, tilt: float) -> float:
-    """`reach` for sensors with depth `noise` [m] whose calibration was off by about `tilt` [m]."""
-    return min(EXACT + SIGMAS * noise + tilt, MOST)
+def surface_tolerance(noise: float, tilt: float) -> float:
+    """The `tolerance` for sensors with depth `noise` [m] whose calibration was off by about `tilt` [m]."""
+    return min(GRID_TOLERANCE + SIGMAS * noise + tilt, MAX_TOLERANCE)

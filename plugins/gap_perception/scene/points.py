@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gap_perception.scene.extrinsic_correction import find_level
+from gap_perception.scene.extrinsic_correction import fit_support_plane
 from gap_runtime.contracts.failures import BadRequestError
 from gap_runtime.contracts.task import Environment
 from gap_runtime.contracts.types import Array, CameraObservation
@@ -14,7 +14,7 @@ from gap_runtime.contracts.types import Array, CameraObservation
 NEAR_PLANE = 0.02  # m: pixels this close to a support tell how noisy the depth is
 MARGIN = (0.0015, 0.012)  # m: bounds of the height below which a pixel is taken for the support itself
 NOISE_SIGMAS = 4.0
-LEVEL = 0.0003  # m: supports that appear off by less need no levelling
+NEGLIGIBLE_TILT = 0.0003  # m: supports that appear off by less need no correction
 OVERHANG = 0.10  # m: an object may stick out of the workspace that its origin must lie in
 
 
@@ -24,7 +24,7 @@ class CameraPoints:
 
     `rows`, `columns` (N,); `xyz` (N, 3) in the world [m]; `support` (N,) height of the support below each [m];
     `noise` standard deviation of the depth along the vertical, and `tilt` by how much the supports appeared off their
-    known heights before the camera was levelled [m].
+    known heights before the camera's pose was corrected [m].
     """
 
     camera: CameraObservation
@@ -49,7 +49,7 @@ class CameraPoints:
 def lift(camera: CameraObservation, environment: Environment) -> CameraPoints:
     """The camera's points above the supports, within the workspace; none where there is no depth.
 
-    A camera that sees a support tilted or off its known height is levelled first.
+    The pose of a camera that sees a support tilted or off its known height is corrected first.
     Raises `BadRequestError` when colour and depth differ in size or the intrinsics are no camera's.
     """
     _check(camera)
@@ -58,9 +58,9 @@ def lift(camera: CameraObservation, environment: Environment) -> CameraPoints:
     z = np.where(known, depth, np.float32(0))
     x_w, y_w, z_w = _world(z, camera)
     ground = _ground(x_w, y_w, z_w, environment)
-    level = find_level(x_w, y_w, z_w - ground, known)
-    if level.tilt > LEVEL:
-        camera = level.applied(camera)
+    correction = fit_support_plane(x_w, y_w, z_w - ground, known)
+    if correction.tilt > NEGLIGIBLE_TILT:
+        camera = correction.applied(camera)
         x_w, y_w, z_w = _world(z, camera)
         ground = _ground(x_w, y_w, z_w, environment)
     height = z_w - ground
@@ -70,7 +70,7 @@ def lift(camera: CameraObservation, environment: Environment) -> CameraPoints:
         above &= (value >= low - OVERHANG) & (value <= high + OVERHANG)
     rows, columns = np.nonzero(above)
     xyz = np.column_stack([v[above] for v in (x_w, y_w, z_w)]).astype(np.float64)
-    return CameraPoints(camera, rows, columns, xyz, ground[above].astype(np.float64), noise, level.tilt)
+    return CameraPoints(camera, rows, columns, xyz, ground[above].astype(np.float64), noise, correction.tilt)
 
 
 def project(points: Array, camera: CameraObservation) -> tuple[Array, Array, Array]:

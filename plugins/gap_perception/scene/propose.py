@@ -9,8 +9,8 @@ import numpy as np
 
 from gap_perception.scene.colours import hue_histogram, overlap
 from gap_perception.scene.fit import SUNK, Fit, fit, resting_size, rests
-from gap_perception.scene.library import Appearance
-from gap_perception.scene.observed_points import Measured
+from gap_perception.scene.library import SurfaceModel
+from gap_perception.scene.observed_points import ObservedPoints
 from gap_runtime.contracts.types import Array
 
 SAMPLE = 300  # points a fit looks at
@@ -20,7 +20,7 @@ NO_HUES = 0.1  # overlap of hues below which a group is not of that model, whate
 SAME_SIDE = 0.006  # m: sides measured this well are taken to be seen whole
 
 
-class Stance(NamedTuple):
+class PoseHypothesis(NamedTuple):
     """How objects may stand: `whole` means their top is in sight, `tipped` that they may lie on any side, `raised` that
     they may stand on something that is no support of the cell: another object, a container's floor, a gripper."""
 
@@ -29,8 +29,8 @@ class Stance(NamedTuple):
     raised: bool = False
 
 
-STANDING, UPRIGHT, LYING = Stance(whole=True), Stance(), Stance(tipped=True)
-RAISED = Stance(tipped=True, raised=True)
+STANDING, UPRIGHT, LYING = PoseHypothesis(whole=True), PoseHypothesis(), PoseHypothesis(tipped=True)
+RAISED = PoseHypothesis(tipped=True, raised=True)
 
 
 def sample(points: Array, count: int = SAMPLE) -> Array:
@@ -61,7 +61,7 @@ def aligned(points: Array) -> tuple[Array, Array, float]:
     return middle + (low + high) / 2 @ axes, high - low, float(np.arctan2(along[1], along[0]))
 
 
-def propose(library: Mapping[str, Appearance], part: Measured, stance: Stance) -> list[Fit]:
+def propose(library: Mapping[str, SurfaceModel], part: ObservedPoints, hypothesis: PoseHypothesis) -> list[Fit]:
     """Fits of the models whose size and hues can explain a group of points; none that sinks into the support."""
     points, support, hues = part.points, float(np.median(part.support)), hue_histogram(part.colours)
     (centre, sides, yaw), spread = rectangle(points), aligned(points)
@@ -72,24 +72,24 @@ def propose(library: Mapping[str, Appearance], part: Measured, stance: Stance) -
         surface = library[name]
         if overlap(hues, surface.hues) < NO_HUES:
             continue
-        for rest in range(len(rests(surface.model.shape.kind)) if stance.tipped else 1):
+        for rest in range(len(rests(surface.model.shape.kind)) if hypothesis.tipped else 1):
             size = resting_size(surface, rest)
-            if not stance.raised and top > size[2] + TOP_SLACK:
+            if not hypothesis.raised and top > size[2] + TOP_SLACK:
                 continue
-            if stance.whole and top < size[2] - TOP_SLACK:
+            if hypothesis.whole and top < size[2] - TOP_SLACK:
                 continue
             if sides.max() > np.hypot(size[0], size[1]) + SIDE_SLACK:
                 continue
             starts = _starts(size, centre, sides, yaw, quarters=_quarters(surface, rest))
             if surface.model.shape.handle:
                 starts = np.concatenate([starts, _starts(size, *spread, quarters=4)])
-            placed = fit(surface, rest, chosen, starts, support, free=stance.raised)
+            placed = fit(surface, rest, chosen, starts, support, free=hypothesis.raised)
             if placed.position[2] - size[2] / 2 > support - SUNK:
                 found.append(placed)
     return found
 
 
-def _quarters(surface: Appearance, rest: int) -> int:
+def _quarters(surface: SurfaceModel, rest: int) -> int:
     """How many quarter turns about the vertical show different outlines; a handle is on one side only."""
     if surface.is_round and rest == 0:
         return 1

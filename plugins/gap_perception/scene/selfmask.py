@@ -15,7 +15,7 @@ from gap_runtime.contracts.types import ArmState, Array
 MARGIN = 0.015  # m: the shells of a robot stick out of the simple shapes of its model by about a centimetre
 
 
-class Solid(NamedTuple):
+class LinkShape(NamedTuple):
     """A simple shape of a link: MuJoCo geom type, half sizes [m], T_world_geom as rotation (3, 3) and position (3,)."""
 
     kind: int
@@ -24,24 +24,24 @@ class Solid(NamedTuple):
     position: Array
 
 
-def on_robot(points: Array, solids: Sequence[Solid], margin: float = MARGIN) -> Array:
-    """True for world points (N, 3) within `margin` of a solid."""
+def on_robot(points: Array, shapes: Sequence[LinkShape], margin: float = MARGIN) -> Array:
+    """True for world points (N, 3) within `margin` of a shape."""
     hit = np.zeros(len(points), dtype=bool)
-    centres = np.array([solid.position for solid in solids]).reshape(-1, 3)
-    reaches = np.array([float(np.linalg.norm(solid.size)) + margin for solid in solids])
+    centres = np.array([shape.position for shape in shapes]).reshape(-1, 3)
+    reaches = np.array([float(np.linalg.norm(shape.size)) + margin for shape in shapes])
     # Most of what cameras see is nowhere near the robot: its own box leaves that out at once.
     low = (centres - reaches[:, None]).min(axis=0, initial=np.inf)
     high = (centres + reaches[:, None]).max(axis=0, initial=-np.inf)
     around = np.flatnonzero(((points > low) & (points < high)).all(axis=1))
-    for solid, centre, reach in zip(solids, centres, reaches, strict=True):
+    for shape, centre, reach in zip(shapes, centres, reaches, strict=True):
         offset = points[around] - centre
         near = np.einsum("ni,ni->n", offset, offset) < reach**2
-        local = offset[near] @ solid.rotation
-        hit[around[near]] |= _distance(local, solid) < margin
+        local = offset[near] @ shape.rotation
+        hit[around[near]] |= _distance(local, shape) < margin
     return hit
 
 
-def solids_of(model: Any, spec: RobotSpec, state: ArmState, placement: RobotPlacement) -> list[Solid]:
+def link_shapes(model: Any, spec: RobotSpec, state: ArmState, placement: RobotPlacement) -> list[LinkShape]:
     """The robot's shapes where its joint sensors say they are; `model` is its own compiled MJCF."""
     import mujoco
 
@@ -52,7 +52,7 @@ def solids_of(model: Any, spec: RobotSpec, state: ArmState, placement: RobotPlac
     mujoco.mj_kinematics(model, data)
     base = Rotation.from_euler("z", placement.yaw_deg, degrees=True).as_matrix()
     return [
-        Solid(
+        LinkShape(
             int(model.geom_type[g]),
             _size(model, g),
             base @ data.geom_xmat[g].reshape(3, 3),
@@ -87,18 +87,18 @@ def _size(model: Any, geom: int) -> Array:
     return size if kind == mujoco.mjtGeom.mjGEOM_BOX else np.array(model.geom_aabb[geom, 3:], dtype=float)
 
 
-def _distance(local: Array, solid: Solid) -> Array:
-    """Distance outside a solid of points in its frame (N, 3), negative or 0 inside [m]."""
+def _distance(local: Array, shape: LinkShape) -> Array:
+    """Distance outside a shape of points in its frame (N, 3), negative or 0 inside [m]."""
     import mujoco
 
-    if solid.kind in (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE):
-        radius = solid.size[0]
-        axis = np.clip(local[:, 2], -(solid.size[2] - radius), solid.size[2] - radius)
+    if shape.kind in (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE):
+        radius = shape.size[0]
+        axis = np.clip(local[:, 2], -(shape.size[2] - radius), shape.size[2] - radius)
         return np.asarray(np.linalg.norm(local - np.outer(axis, [0, 0, 1]), axis=1) - radius)
-    if solid.kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+    if shape.kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
         outside = np.column_stack(
-            [np.hypot(local[:, 0], local[:, 1]) - solid.size[0], np.abs(local[:, 2]) - solid.size[2]]
+            [np.hypot(local[:, 0], local[:, 1]) - shape.size[0], np.abs(local[:, 2]) - shape.size[2]]
         )
     else:
-        outside = np.abs(local) - solid.size
+        outside = np.abs(local) - shape.size
     return np.asarray(np.linalg.norm(np.maximum(outside, 0.0), axis=1))

@@ -8,9 +8,9 @@ import numpy as np
 
 from gap_perception.scene.colours import hue_histogram, overlap
 from gap_perception.scene.fit import Fit, fits, resting_size, rests
-from gap_perception.scene.library import Appearance
-from gap_perception.scene.match import Match, judge
-from gap_perception.scene.observed_points import Measured
+from gap_perception.scene.library import SurfaceModel
+from gap_perception.scene.match import ModelMatch, evaluate_match
+from gap_perception.scene.observed_points import ObservedPoints
 from gap_perception.scene.propose import TOP_SLACK, rectangle, sample
 from gap_perception.scene.visibility import DepthView
 from gap_runtime.contracts.types import Array
@@ -29,8 +29,8 @@ MOST_PARTS = 8
 
 
 def split(
-    library: Mapping[str, Appearance], part: Measured, views: Sequence[DepthView], *, tipped: bool
-) -> list[tuple[Array, Match]]:
+    library: Mapping[str, SurfaceModel], part: ObservedPoints, views: Sequence[DepthView], *, tipped: bool
+) -> list[tuple[Array, ModelMatch]]:
     """Models that together explain the group: for each the indices of the points on it, and the match."""
     if len(part.points) < ENOUGH:
         return []
@@ -38,35 +38,37 @@ def split(
     pool = _pool(library, seen, tipped)
     if not pool:
         return []
-    near = np.array([f.surface_distance(seen.points) < part.reach for f in pool])
+    near = np.array([f.surface_distance(seen.points) < part.tolerance for f in pool])
     scale = len(part.points) / len(seen.points)
     rest, left = np.arange(len(part.points)), np.ones(len(seen.points), dtype=bool)
-    found: list[tuple[Array, Match]] = []
+    found: list[tuple[Array, ModelMatch]] = []
     while len(rest) >= ENOUGH and len(found) < MOST_PARTS:
         match = _next(pool, near & left, scale, seen, views)
         if match is None:
             break
-        taken = match.fit.surface_distance(part.points[rest]) < part.reach
-        left &= ~(match.fit.surface_distance(seen.points) < part.reach)
+        taken = match.fit.surface_distance(part.points[rest]) < part.tolerance
+        left &= ~(match.fit.surface_distance(seen.points) < part.tolerance)
         found.append((rest[taken], match))
         rest = rest[~taken]
     return found
 
 
-def _next(pool: Sequence[Fit], near: Array, scale: float, seen: Measured, views: Sequence[DepthView]) -> Match | None:
+def _next(
+    pool: Sequence[Fit], near: Array, scale: float, seen: ObservedPoints, views: Sequence[DepthView]
+) -> ModelMatch | None:
     """The believable candidate that explains most of the points still unexplained."""
     counts = near.sum(axis=1)
     for index in np.argsort(-counts, kind="stable"):
         if counts[index] * scale < ENOUGH:
             return None
         mine = seen.select(near[index])
-        match = judge(pool[index], mine, views, near=np.ones(len(mine.points), dtype=bool))
+        match = evaluate_match(pool[index], mine, views, near=np.ones(len(mine.points), dtype=bool))
         if match.log_likelihood > WORTH:
             return match
     return None
 
 
-def _pool(library: Mapping[str, Appearance], seen: Measured, tipped: bool) -> list[Fit]:
+def _pool(library: Mapping[str, SurfaceModel], seen: ObservedPoints, tipped: bool) -> list[Fit]:
     """Fits of every model whose hues occur in the group, at every place it locks onto; no two alike."""
     hues = hue_histogram(seen.colours)
     fitted, support = seen.points[sample(seen.points, FITTED)], float(np.median(seen.support))
@@ -74,7 +76,7 @@ def _pool(library: Mapping[str, Appearance], seen: Measured, tipped: bool) -> li
     for name in sorted(library):
         surface = library[name]
         if overlap(hues, surface.hues) >= SAME_HUES:
-            counted = [(int((f.distance < seen.reach).sum()), f) for f in _fits(surface, fitted, support, tipped)]
+            counted = [(int((f.distance < seen.tolerance).sum()), f) for f in _fits(surface, fitted, support, tipped)]
             pool += _distinct([f for n, f in sorted(counted, key=lambda c: -c[0]) if n >= FEWEST])
     return pool
 
@@ -88,7 +90,7 @@ def _distinct(candidates: Sequence[Fit]) -> list[Fit]:
     return kept
 
 
-def _fits(surface: Appearance, points: Array, support: float, tipped: bool) -> list[Fit]:
+def _fits(surface: SurfaceModel, points: Array, support: float, tipped: bool) -> list[Fit]:
     top = float(points[:, 2].max()) - support
     _, _, yaw = rectangle(points)
     places = _spread(points[:, :2], ANCHORS)

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from gap_perception.scene.colours import hue_histogram, overlap
 from gap_perception.scene.fit import SUNK, TIGHT, TURN_SIGMA, WRONG, Fit, surface_distances
-from gap_perception.scene.library import Appearance
-from gap_perception.scene.observed_points import Measured
+from gap_perception.scene.library import SurfaceModel
+from gap_perception.scene.observed_points import ObservedPoints
 from gap_perception.scene.propose import NO_HUES, SIDE_SLACK, sample
 from gap_perception.scene.visibility import DepthView
 from gap_runtime.contracts.types import Array
@@ -24,28 +24,28 @@ ROUNDS, LOOSE = 14, 0.02  # steps, and scale of the first one's robust weights [
 TURNS = 4  # about the body's own axis
 
 
-def lean(library: Mapping[str, Appearance], part: Measured, views: Sequence[DepthView]) -> list[Fit]:
+def fit_tilted(library: Mapping[str, SurfaceModel], part: ObservedPoints, views: Sequence[DepthView]) -> list[Fit]:
     """The best tilted fit of each model whose size and hues can explain a group of points; none that sinks into the
     support."""
     points, support = part.points[sample(part.points)], float(np.median(part.support))
     hues, looked_at = hue_histogram(part.colours), points[sample(points, LOOKED_AT)]
     longest = float(np.ptp(points @ _principal(points), axis=0).max())
-    eyes = np.array([view.camera.pose.position.array for view in views])
+    camera_positions = np.array([view.camera.pose.position.array for view in views])
     found = []
     for name in sorted(library):
         surface = library[name]
         too_long = longest > np.linalg.norm(surface.model.shape.size) + SIDE_SLACK
         if too_long or surface.model.is_container or overlap(hues, surface.hues) < NO_HUES:
             continue
-        fit = _fit(surface, points, looked_at, eyes)
+        fit = _fit(surface, points, looked_at, camera_positions)
         if (surface.points @ fit.rotation.T + fit.position)[:, 2].min() > support - SUNK:
             found.append(fit)
     return found
 
 
-def _fit(surface: Appearance, points: Array, looked_at: Array, eyes: Array) -> Fit:
+def _fit(surface: SurfaceModel, points: Array, looked_at: Array, camera_positions: Array) -> Fit:
     """The start that ends with most points near the surface, laid onto all points."""
-    R, t = _starts(np.array(surface.model.shape.size), looked_at, eyes)
+    R, t = _starts(np.array(surface.model.shape.size), looked_at, camera_positions)
     for i in range(ROUNDS):
         R, t = _step(surface, looked_at, R, t, LOOSE * (TIGHT / LOOSE) ** (i / (ROUNDS - 1)))
     ended = surface_distances(surface, (looked_at[None] - t[:, None]) @ R)
@@ -61,7 +61,7 @@ def _principal(points: Array) -> Array:
     return np.asarray(axes * np.where(axes[2] < 0, -1.0, 1.0))
 
 
-def _starts(size: Array, points: Array, eyes: Array) -> tuple[Array, Array]:
+def _starts(size: Array, points: Array, camera_positions: Array) -> tuple[Array, Array]:
     """Rotations (S, 3, 3) with the body's axis along each principal axis, turned about it, and positions (S, 3) at
     which the sides that face the cameras lie where the points end."""
     axes, rotations = _principal(points), []
@@ -71,14 +71,14 @@ def _starts(size: Array, points: Array, eyes: Array) -> tuple[Array, Array]:
         turns = Rotation.from_euler("z", [[180.0 * i / TURNS] for i in range(TURNS)], degrees=True).as_matrix()
         rotations.append(upright @ turns)
     R = np.concatenate(rotations)
-    local, seen_from = points @ R, eyes.mean(axis=0) @ R
+    local, seen_from = points @ R, camera_positions.mean(axis=0) @ R
     low, high = local.min(axis=1), local.max(axis=1)
     facing = seen_from > (low + high) / 2
     centre = np.where(facing, high - size / 2, low + size / 2)
     return R, np.einsum("sij,sj->si", R, centre)
 
 
-def _step(surface: Appearance, points: Array, R: Array, t: Array, scale: float) -> tuple[Array, Array]:
+def _step(surface: SurfaceModel, points: Array, R: Array, t: Array, scale: float) -> tuple[Array, Array]:
     """One Gauss-Newton step of all starts at once."""
     arm = points[None] - t[:, None]
     local = arm @ R

@@ -13,7 +13,7 @@ from gap_perception.scene.points import project
 from gap_runtime.contracts.types import Array, CameraObservation
 
 SAMPLES = 300
-FACING = 0.2  # cosine below which a surface is seen too flatly to judge
+FACING = 0.2  # cosine below which a surface is seen too flatly to evaluate_match
 AGREE = 0.008  # m
 BLUR_PER_PIXEL = 0.003  # m: about what a pixel sees at a metre
 
@@ -31,7 +31,7 @@ class DepthView:
 
 
 class Agreement(NamedTuple):
-    """Surface points the cameras confirm, see through, and cannot judge (hidden or out of the picture)."""
+    """Surface points the cameras confirm, see through, and cannot evaluate_match (hidden or out of the picture)."""
 
     seen: int
     through: int
@@ -64,7 +64,7 @@ def depth_view(camera: CameraObservation, blur: float = 0.0) -> DepthView:
 
 def agreement(fit: Fit, views: Sequence[DepthView]) -> Agreement:
     """Compare the fitted surface with what each camera measured there."""
-    surface = fit.appearance
+    surface = fit.surface
     step = max(1, len(surface.points) // SAMPLES)
     points = surface.points[::step] @ fit.rotation.T + fit.position
     normals = surface.normals[::step] @ fit.rotation.T

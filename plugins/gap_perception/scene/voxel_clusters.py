@@ -36,14 +36,14 @@ def voxelise(xyz: Array, size: float = VOXEL) -> Voxels:
     return Voxels(np.column_stack(sums) / counts[:, None], of_point, counts)
 
 
-class Links:
+class NeighbourGraph:
     """Which points of a cloud (N, 3) are neighbours, worked out once, so that subsets can be grouped at little cost."""
 
     def __init__(self, points: Array, link: float = LINK) -> None:
         self._count = len(points)
         self._pairs = cKDTree(points).query_pairs(link, output_type="ndarray") if len(points) else np.zeros((0, 2), int)
 
-    def groups(self, members: Array) -> list[Array]:
+    def clusters(self, members: Array) -> list[Array]:
         """Indices (sorted) of each connected part of the subset `members` (indices), largest part first."""
         inside = np.zeros(self._count, dtype=bool)
         inside[members] = True

@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from gap_perception.boxes import fill
+from gap_perception.candidates import Candidate, box_of
+from gap_perception.image_view import ImageView, view_image
 from gap_perception.language.phrases import read_phrase
 from gap_perception.language.relations import matches
-from gap_perception.models.views import Candidate, ImageView, box_of, see
 from gap_perception.scene.colours import hue_histogram, overlap, perceptual
 from gap_runtime.contracts.tool import ToolContext
 from gap_runtime.contracts.types import Array, BoundingBox2D, Image, Mask
@@ -47,7 +48,7 @@ def start(
     ctx: ToolContext, image: Image, text: str, box: BoundingBox2D | None, point: tuple[int, int] | None
 ) -> tuple[Track, Seen]:
     """A new track from a phrase, a box or a pixel of the image."""
-    view = see(ctx, image)
+    view = view_image(ctx, image)
     if text:
         phrase = read_phrase(text, view.vocabulary)
         found = matches(view, phrase, PRESENT) if phrase else []
@@ -67,7 +68,7 @@ def start(
 
 def follow(ctx: ToolContext, track: Track, image: Image) -> tuple[Track, Seen]:
     """The track after a new frame, and what was seen of it there."""
-    view = see(ctx, image)
+    view = view_image(ctx, image)
     rated = [(_identity(track, view, c), c) for c in view.candidates]
     enough = PRESENT if track.names else ALIKE
     rated = [(identity, c) for identity, c in rated if identity >= enough]

@@ -3,8 +3,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gap_perception.scene.fit import Fit, fit, resting_size, rests
-from gap_perception.scene.match import judge, symmetries
-from gap_perception.scene.observed_points import Measured
+from gap_perception.scene.match import evaluate_match, symmetries
+from gap_perception.scene.observed_points import ObservedPoints
 from gap_perception.scene.visibility import agreement, depth_view
 
 YAW, SPOT = 0.7, np.array([0.12, -0.3])
@@ -72,7 +72,7 @@ def test_a_camera_confirms_the_right_place_and_sees_through_a_wrong_one(brick, s
 
 def test_colours_tell_the_front_from_the_back(brick, seen, top_view):
     turned = fit(brick, 0, seen[0], np.array([[*SPOT, YAW + np.pi]]), 0.1)
-    match = judge(turned, Measured(*seen, np.full(len(seen[0]), 0.1)), [top_view])
+    match = evaluate_match(turned, ObservedPoints(*seen, np.full(len(seen[0]), 0.1)), [top_view])
     assert np.allclose(match.fit.rotation, Rotation.from_euler("z", YAW).as_matrix(), atol=1e-2)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gap_perception.scene.observed_points import Measured
+from gap_perception.scene.observed_points import ObservedPoints
 from gap_perception.scene.propose import RAISED, aligned, propose, rectangle
 
 
@@ -35,6 +35,6 @@ def test_what_would_stand_inside_the_floor_is_not_proposed(brick):
     height = brick.model.shape.size[2]
     for foot, found in ((0.0, 1), (0.05, 1), (-height, 0)):
         points = top + np.array([0.1, 0.2, foot + height / 2])
-        part = Measured(points, brick.colours[brick.normals[:, 2] > 0.9], np.zeros(len(points)))
+        part = ObservedPoints(points, brick.colours[brick.normals[:, 2] > 0.9], np.zeros(len(points)))
         fits = [f for f in propose({"brick": brick}, part, RAISED) if f.rest == 0]
         assert len(fits) == found, foot

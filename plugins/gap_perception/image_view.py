@@ -1,45 +1,20 @@
-"""What one image shows, as candidates a phrase can mean: the bridge from scene analysis to tools that get an image."""
+"""What one image shows, as candidates a phrase can mean, for tools that are given an image."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from gap_catalogue.shared.frames import find
+from gap_perception.candidates import Candidate, box_of
 from gap_perception.language.vocabulary import Vocabulary
 from gap_runtime.contracts.failures import BadRequestError
 from gap_runtime.contracts.tool import ToolContext
-from gap_runtime.contracts.types import Array, BoundingBox2D, Image
+from gap_runtime.contracts.types import Image
 
 MIN_SIDE, MAX_SIDE = 8, 8192  # px
 _MIN_PART = 25  # px: less of an object in a crop is not worth a detection
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """One segment of an image: its `mask` (H, W), `box` (x_min, y_min, x_max, y_max; max exclusive), and `scores`, the
-    probability of being each named model. With depth also its median `depth` [m], `center` in the world (3,) [m], and
-    `size` of its points in the world (3,) [m]."""
-
-    mask: Array
-    box: tuple[int, int, int, int]
-    scores: Mapping[str, float]
-    depth: float = float("nan")
-    center: Array | None = None
-    size: Array = field(default_factory=lambda: np.zeros(3))
-    instance: int = -1
-
-    @property
-    def bounds(self) -> BoundingBox2D:
-        """The box as the contract writes it."""
-        return BoundingBox2D(*(float(v) for v in self.box))
-
-    def score(self, names: Mapping[str, float]) -> float:
-        """Probability that it is one of the models, each weighed by how sure the phrase means it."""
-        most = max(names.values(), default=1.0)
-        return float(min(1.0, sum(sure / most * self.scores.get(name, 0.0) for name, sure in names.items())))
 
 
 @dataclass(frozen=True)
@@ -52,7 +27,7 @@ class ImageView:
     has_depth: bool
 
 
-def see(ctx: ToolContext, image: Image) -> ImageView:
+def view_image(ctx: ToolContext, image: Image) -> ImageView:
     """Look at an image: with its depth when it is (cut from) a frame observed in this episode, else by colour alone.
 
     Raises `BadRequestError` for an image too small or too large to look at.
@@ -67,9 +42,9 @@ def see(ctx: ToolContext, image: Image) -> ImageView:
     vocabulary = vocabulary_of(ctx)
     found = find(ctx.state, image)
     if found is None or not has_depth(found.scene, found.camera_index):
-        from gap_perception.scene.appearance import look
+        from gap_perception.scene.appearance import segment_by_appearance
 
-        return ImageView(image, tuple(look(image, library_of(ctx))), vocabulary, has_depth=False)
+        return ImageView(image, tuple(segment_by_appearance(image, library_of(ctx))), vocabulary, has_depth=False)
     analysis = analyse(ctx, found.scene)
     x, y = found.offset
     candidates = []
@@ -84,9 +59,3 @@ def see(ctx: ToolContext, image: Image) -> ImageView:
             )
         )
     return ImageView(image, tuple(candidates), vocabulary, has_depth=True)
-
-
-def box_of(mask: Array) -> tuple[int, int, int, int]:
-    """Smallest box around a non-empty mask (x_min, y_min, x_max, y_max; max exclusive)."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gap_perception.models.mesh_views import MaskedView
-from gap_perception.models.visual_hull import build_mesh, carve, wrap
+from gap_perception.models.visual_hull import build_mesh, mesh_surface, visual_hull
 from gap_runtime.contracts.failures import PerceptionError
 from gap_runtime.contracts.types import DepthImage, OrientedBoundingBox, Quaternion, Vec3
 
@@ -39,14 +39,14 @@ def step(look_down):
 @pytest.mark.parametrize("seed", range(3))
 def test_any_voxels_wrap_into_a_closed_outward_mesh(seed):
     solid = np.random.default_rng(seed).random((5, 6, 7)) < 0.5
-    vertices, faces = wrap(solid)
+    vertices, faces = mesh_surface(solid)
     edges = directed_edges(faces)
     assert all(edges[(b, a)] == n for (a, b), n in edges.items())
     assert volume(vertices, faces) == pytest.approx(solid.sum())
 
 
 def test_what_is_seen_through_is_carved_and_the_rest_stays(step):
-    solid, cell = carve([step], BOX)
+    solid, cell = visual_hull([step], BOX)
     heights = solid.sum(axis=2) * cell[2]
     quarter = solid.shape[0] // 4
     assert np.allclose(heights[quarter, 2:-2], 0.1)
@@ -55,7 +55,7 @@ def test_what_is_seen_through_is_carved_and_the_rest_stays(step):
 
 def test_smoothing_keeps_the_mesh_closed_and_about_as_large(step):
     vertices, faces = build_mesh([step], BOX)
-    solid, cell = carve([step], BOX)
+    solid, cell = visual_hull([step], BOX)
     edges = directed_edges(faces)
     assert all(edges[(b, a)] == n for (a, b), n in edges.items())
     assert volume(vertices, faces) == pytest.approx(solid.sum() * cell.prod(), rel=0.05)
