@@ -111,7 +111,12 @@ class ArmModel:
         low, high = (np.array([getattr(x, k) for x in self.spec.limits]) for k in ("lower", "upper"))
         return np.asarray(np.clip(self.arm.state().joints.positions, low, high))
 
-    def whereabouts(self) -> list[Array]:
+    def wait_until_settled(self) -> Array:
+        """The joints (n,) once a motion under way has ended: where to plan from. Raises its `MotionError`."""
+        self.arm.finish()
+        return self.joints()
+
+    def occupied_configurations(self) -> list[Array]:
         """Where the arm's joints (n,) are now and, when it is on its way, where its motion ends."""
         now, end = self.joints(), self.arm.setpoint().goal
         return [now, end] if np.abs(end - now).max() > GOING else [now]
@@ -120,7 +125,7 @@ class ArmModel:
         """T_world_tcp at configurations (N, n), shape (N, 4, 4)."""
         return self.chain.tcp_poses(q, self.base)
 
-    def last_frame(self, T_world_tcp: Array, tcp_offset: Vec3 | None = None, link: str = "") -> Array:
+    def last_joint_frame(self, T_world_tcp: Array, tcp_offset: Vec3 | None = None, link: str = "") -> Array:
         """Poses of the frame behind the last joint in the base frame for TCP poses (..., 4, 4).
 
         `link` (default: the flange) sits at `tcp_offset` along the TCP's axes; None means the spec's own TCP.

@@ -197,3 +197,8 @@ def _align(position: Array, axis: Array) -> Array:
     if axis[2] < 1 - 1e-12:
         T[:3, :3] = Rotation.align_vectors([axis], [[0.0, 0.0, 1.0]])[0].as_matrix()
     return T
+
+
+def joint_range(spec: RobotSpec) -> tuple[Array, Array]:
+    """Lower and upper joint limits [rad], each shape (n,)."""
+    return np.array([x.lower for x in spec.limits]), np.array([x.upper for x in spec.limits])

@@ -12,7 +12,7 @@ MEDIAN, P95, RESULT = 3, 4, 5  # columns of the benchmark's rows
 Row = tuple[Any, ...]
 
 
-class Goal(NamedTuple):
+class Bound(NamedTuple):
     """A bound on one column of the rows about `what`."""
 
     what: str
@@ -23,18 +23,18 @@ class Goal(NamedTuple):
 
 
 GOALS = (
-    Goal("free space: whole", MEDIAN, 20.0, "ms, median"),
-    Goal("free space: whole", P95, 100.0, "ms, p95"),
-    Goal("free space: solved", RESULT, 0.99, "solved", at_least=True),
-    Goal("grasps: from request to timed motion", MEDIAN, 20.0, "ms, median"),
-    Goal("grasps: from request to timed motion", P95, 100.0, "ms, p95"),
-    Goal("grasps: solved", RESULT, 0.99, "solved", at_least=True),
-    Goal("IK, one pose", MEDIAN, 2.0, "ms, median"),
-    Goal("feasibility of 50 grasps", MEDIAN, 60.0, "ms, median"),
-    Goal("retiming", MEDIAN, 5.0, "ms, median"),
-    Goal("collision check, bare", RESULT, 5.0, "us"),
-    Goal("planned: beyond a limit or in collision", RESULT, 0.0, "motions"),
-    Goal("executed: in collision", RESULT, 0.0, "motions"),
+    Bound("free space: whole", MEDIAN, 20.0, "ms, median"),
+    Bound("free space: whole", P95, 100.0, "ms, p95"),
+    Bound("free space: solved", RESULT, 0.99, "solved", at_least=True),
+    Bound("grasps: from request to timed motion", MEDIAN, 20.0, "ms, median"),
+    Bound("grasps: from request to timed motion", P95, 100.0, "ms, p95"),
+    Bound("grasps: solved", RESULT, 0.99, "solved", at_least=True),
+    Bound("IK, one pose", MEDIAN, 2.0, "ms, median"),
+    Bound("feasibility of 50 grasps", MEDIAN, 60.0, "ms, median"),
+    Bound("retiming", MEDIAN, 5.0, "ms, median"),
+    Bound("collision check, bare", RESULT, 5.0, "us"),
+    Bound("planned: beyond a limit or in collision", RESULT, 0.0, "motions"),
+    Bound("executed: in collision", RESULT, 0.0, "motions"),
 )
 
 

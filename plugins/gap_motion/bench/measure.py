@@ -9,17 +9,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gap_catalogue.shared.robot_chain import chain
-from gap_motion.bench.problems import GraspProblem, Problem, checker_among
-from gap_motion.bench.verify import Judge
-from gap_motion.collision.checker import Checker
-from gap_motion.failures import joint_range
+from gap_catalogue.shared.robot_chain import chain, joint_range
+from gap_motion.bench.problems import GraspProblem, PlanningProblem, checker_among
+from gap_motion.bench.verify import TrajectoryVerifier
+from gap_motion.collision.checker import CollisionChecker
 from gap_motion.kinematics.ik import candidates, inside, nearest
 from gap_motion.planning.feasibility import assess
 from gap_motion.planning.free_motion import TRIES, timed, to_grasps
-from gap_motion.planning.motion_validator import Edges
+from gap_motion.planning.motion_validator import MotionValidator
 from gap_motion.planning.paths import polyline, velocity_limits
-from gap_motion.planning.planner import Search, plan, shortcut
+from gap_motion.planning.planner import PathSearch, plan, shortcut
 from gap_motion.timing.timing import time_path
 from gap_runtime.contracts.failures import PlanningError
 from gap_runtime.contracts.robot import RobotSpec
@@ -52,7 +51,7 @@ class Timed:
         return float(np.mean(done))
 
 
-def free_motions(problems: list[Problem], search: Search | None = None) -> Timed:
+def free_motions(problems: list[PlanningProblem], search: PathSearch | None = None) -> Timed:
     """Plan, simplify and time each problem; a `search` plans and simplifies in one."""
     out = Timed()
     for problem in problems:
@@ -62,7 +61,7 @@ def free_motions(problems: list[Problem], search: Search | None = None) -> Timed
     return out
 
 
-def _attempts(problem: Problem, out: Timed, search: Search | None) -> Trajectory | None:
+def _attempts(problem: PlanningProblem, out: Timed, search: PathSearch | None) -> Trajectory | None:
     checker, start, goals = problem.checker, problem.start, problem.goals
     for attempt, step in enumerate(TRIES):
         try:
@@ -72,7 +71,7 @@ def _attempts(problem: Problem, out: Timed, search: Search | None) -> Trajectory
             return None
         if search is None:
             with out.of("simplify"):
-                rows = shortcut(Edges(checker, step), rows, attempt)
+                rows = shortcut(MotionValidator(checker, step), rows, attempt)
         with out.of("time and check"):
             found = timed(checker, rows)
         if found is not None:
@@ -80,13 +79,13 @@ def _attempts(problem: Problem, out: Timed, search: Search | None) -> Trajectory
     return None
 
 
-def grasp_motions(problems: list[GraspProblem], search: Search | None = None) -> Timed:
+def grasp_motions(problems: list[GraspProblem], search: PathSearch | None = None) -> Timed:
     """A motion to one of each problem's grasps, from the request to the timed trajectory."""
     out = Timed()
     for problem in problems:
         with out.of("whole"):
             try:
-                found = to_grasps(problem.situation, problem.start, problem.grasps, 0.08, [problem.target], 0, search)
+                found = to_grasps(problem.scene, problem.start, problem.grasps, 0.08, [problem.target], 0, search)
                 out.motions.append(found.trajectory)
             except PlanningError:
                 out.motions.append(None)
@@ -97,18 +96,18 @@ def feasibilities(problems: list[GraspProblem]) -> list[float]:
     """Judge all grasps of each problem."""
     out = Timed()
     for problem in problems:
-        cell, situation = problem.situation.cell, problem.situation
+        cell, scene = problem.scene.cell, problem.scene
         with out.of("feasibility"):
-            reaching = situation.checker(reaching=True, grasped=[problem.target])
-            assess(cell, situation.checker(), reaching, problem.grasps, 0.1, problem.start)
+            reaching = scene.checker(reaching=True, grasped=[problem.target])
+            assess(cell, scene.checker(), reaching, problem.grasps, 0.1, problem.start)
     return out.samples["feasibility"]
 
 
-def plain_mujoco(problems: list[Problem], judge_of: Callable[[Problem], Judge]) -> Timed:
+def plain_mujoco(problems: list[PlanningProblem], judge_of: Callable[[PlanningProblem], TrajectoryVerifier]) -> Timed:
     """The same planner and shortcuts on a plain MuJoCo checker, one configuration at a time."""
     out = Timed()
     for problem in problems:
-        checker = PlainChecker(problem.checker, judge_of(problem))
+        checker = PlainMujocoChecker(problem.checker, judge_of(problem))
         with out.of("whole"):
             try:
                 plan(checker, problem.start, problem.goals)
@@ -118,11 +117,11 @@ def plain_mujoco(problems: list[Problem], judge_of: Callable[[Problem], Judge]) 
     return out
 
 
-class PlainChecker(Checker):
+class PlainMujocoChecker(CollisionChecker):
     """A checker that asks MuJoCo about every configuration."""
 
-    def __init__(self, like: Checker, judge: Judge) -> None:
-        super().__init__(like.chain, like.base, like.body, like.scene, like.margin)
+    def __init__(self, like: CollisionChecker, judge: TrajectoryVerifier) -> None:
+        super().__init__(like.chain, like.base, like.body, like.world, like.margin)
         self._judge = judge
 
     def valid(self, q: Array) -> Array:
@@ -169,7 +168,7 @@ def batched_ik(spec: RobotSpec, count: int, solver: str) -> tuple[float, float]:
     return count / (time.process_time() - began), float(solved.mean())
 
 
-def checks(spec: RobotSpec, problems: list[Problem], count: int) -> tuple[float, float]:
+def checks(spec: RobotSpec, problems: list[PlanningProblem], count: int) -> tuple[float, float]:
     """Seconds per configuration, amortised over `count`: bare, and among the problems' obstacles."""
     low, high = joint_range(spec)
     q = np.random.default_rng(0).uniform(low, high, (count, spec.dof))
@@ -185,7 +184,7 @@ def checks(spec: RobotSpec, problems: list[Problem], count: int) -> tuple[float,
     return alone, (time.process_time() - began) / (len(problems) * count)
 
 
-def retiming(spec: RobotSpec, problems: list[Problem]) -> list[float]:
+def retiming(spec: RobotSpec, problems: list[PlanningProblem]) -> list[float]:
     """Time a path of three segments each."""
     arm, out = chain(spec), Timed()
     for problem in problems:

@@ -1,4 +1,4 @@
-"""`gap bench motion`: planning, inverse kinematics, checking and timing, and what an independent judge says of it."""
+"""`gap bench motion`: planning, inverse kinematics, checking and timing, independently verified."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 from gap_catalogue.shared.robot_chain import chain
 from gap_motion.bench import measure
 from gap_motion.bench.goals import goals
-from gap_motion.bench.problems import GraspProblem, Problem, free_space, groceries
-from gap_motion.bench.verify import Judge, Judgement, Tracked
-from gap_motion.planning.free_motion import Reached, to_grasps, to_joints
+from gap_motion.bench.problems import GraspProblem, PlanningProblem, free_space, groceries
+from gap_motion.bench.verify import TrackingReport, TrajectoryReport, TrajectoryVerifier
+from gap_motion.planning.free_motion import PlannedMotion, to_grasps, to_joints
 from gap_motion.vamp.arm import DISTRIBUTION, installed, vamp_arm
 from gap_motion.vamp.search import VampSearch
 from gap_runtime.contracts.bench import BenchContext, BenchReport, Progress
@@ -67,7 +67,7 @@ def planning(spec: RobotSpec, count: int, seed: int, progress: Progress) -> list
     rows = [_times(spec, f"free space: {what}", samples) for what, samples in ours.samples.items()]
     rows.append((spec.name, "free space: solved", count, "", "", f"{ours.solved:.3f}"))
     progress(0.15, "the same on a plain MuJoCo checker")
-    plain = measure.plain_mujoco(free, lambda p: Judge(spec, p.shapes))
+    plain = measure.plain_mujoco(free, lambda p: TrajectoryVerifier(spec, p.shapes))
     rows.append(_times(spec, "free space: plan and simplify, plain MuJoCo", plain.samples["whole"]))
     progress(0.3, "grasp problems")
     grasps = groceries(spec, count, seed=seed)
@@ -82,7 +82,7 @@ def planning(spec: RobotSpec, count: int, seed: int, progress: Progress) -> list
     return rows
 
 
-def with_vamp(spec: RobotSpec, free: list[Problem], grasps: list[GraspProblem]) -> list[Row]:
+def with_vamp(spec: RobotSpec, free: list[PlanningProblem], grasps: list[GraspProblem]) -> list[Row]:
     """The problems searched by VAMP, or one row that says that it has no model of the arm."""
     try:
         vamp_arm(chain(spec))
@@ -113,9 +113,9 @@ def kinematics(spec: RobotSpec, count: int, seed: int, progress: Progress) -> li
 
 
 def verdicts(spec: RobotSpec, judged: int, executed: int, seed: int, progress: Progress) -> list[Row]:
-    """What the independent judge finds in planned and in executed motions."""
-    found: list[Judgement] = []
-    tracked: list[Tracked] = []
+    """What the independent verifier finds in planned and in executed motions."""
+    found: list[TrajectoryReport] = []
+    tracked: list[TrackingReport] = []
     unsolved = 0
     for k, (judge, made) in enumerate(_motions(spec, judged, seed)):
         progress(0.5 + 0.5 * k / judged, f"judging motion {k + 1} of {judged}")
@@ -145,21 +145,21 @@ def verdicts(spec: RobotSpec, judged: int, executed: int, seed: int, progress: P
     ]  # fmt: skip
 
 
-def _motions(spec: RobotSpec, count: int, seed: int) -> Iterator[tuple[Judge, Trajectory | None]]:
+def _motions(spec: RobotSpec, count: int, seed: int) -> Iterator[tuple[TrajectoryVerifier, Trajectory | None]]:
     """The judge and the motion of `count` problems, four of five in free space, on seeds of their own."""
     for k in range(count):
         if k % 5 < 4:
             problem = free_space(spec, 2, seed=seed + k)[1]
             solve = partial(to_joints, problem.checker, problem.start, problem.goals, 0)
-            yield Judge(spec, problem.shapes), _or_none(solve)
+            yield TrajectoryVerifier(spec, problem.shapes), _or_none(solve)
         else:
             grasp = groceries(spec, 1, grasps=5, seed=seed + k)[0]
             rest = [s for i, s in enumerate(grasp.shapes) if f"shape_{i}" != grasp.target]
-            solve = partial(to_grasps, grasp.situation, grasp.start, grasp.grasps, 0.08, [grasp.target], 0)
-            yield Judge(spec, rest), _or_none(solve)
+            solve = partial(to_grasps, grasp.scene, grasp.start, grasp.grasps, 0.08, [grasp.target], 0)
+            yield TrajectoryVerifier(spec, rest), _or_none(solve)
 
 
-def _or_none(solve: Callable[[], Reached]) -> Trajectory | None:
+def _or_none(solve: Callable[[], PlannedMotion]) -> Trajectory | None:
     try:
         return solve().trajectory
     except PlanningError:

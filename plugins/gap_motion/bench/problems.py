@@ -9,16 +9,15 @@ from typing import cast
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gap_catalogue.shared.robot_chain import chain
+from gap_catalogue.shared.robot_chain import chain, joint_range
 from gap_motion.arguments import ArmModel
-from gap_motion.bench.verify import Shape
-from gap_motion.collision.checker import Checker
-from gap_motion.collision.world import Scene
-from gap_motion.failures import joint_range
+from gap_motion.bench.verify import ObstacleShape
+from gap_motion.collision.checker import CollisionChecker
+from gap_motion.collision.world import CollisionWorld
 from gap_motion.kinematics.ik import into_range
-from gap_motion.kinematics.robot_model import make_body
+from gap_motion.kinematics.robot_model import collision_model
 from gap_motion.planning.goals import within_limits
-from gap_motion.planning.planning_scene import Situation
+from gap_motion.planning.planning_scene import PlanningScene
 from gap_runtime.contracts.arm import Arm, Setpoint
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.types import (
@@ -40,12 +39,12 @@ CAGE = (
 )  # fmt: skip
 CAGE_RADIUS = 0.2
 # A thick floor: MuJoCo finds no contact where a capsule passes right through a thin box.
-FLOOR = Shape((0.0, 0.0, -0.51), (1.2, 1.2, 0.5))
+FLOOR = ObstacleShape((0.0, 0.0, -0.51), (1.2, 1.2, 0.5))
 GROCERY_HALF = ((0.015, 0.03), (0.015, 0.03), (0.02, 0.07))  # m: ranges of half-extents
 
 
 @dataclass(frozen=True)
-class StillArm:
+class StaticArm:
     """An arm that stands where it is told and never moves: what planning needs of an arm, and no more."""
 
     spec: RobotSpec
@@ -69,11 +68,11 @@ class StillArm:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class PlanningProblem:
     """One arm among shapes, from `start` (n,) to one of `goals` (G, n)."""
 
-    checker: Checker
-    shapes: tuple[Shape, ...]
+    checker: CollisionChecker
+    shapes: tuple[ObstacleShape, ...]
     start: Array
     goals: Array
 
@@ -82,30 +81,30 @@ class Problem:
 class GraspProblem:
     """One arm among shapes at home, and grasps of one of them: poses (G, 4, 4) of the frame behind the last joint."""
 
-    situation: Situation
-    shapes: tuple[Shape, ...]
+    scene: PlanningScene
+    shapes: tuple[ObstacleShape, ...]
     start: Array
     grasps: Array
     target: str
 
 
-def scene_of(shapes: Sequence[Shape]) -> Scene:
+def world_of(shapes: Sequence[ObstacleShape]) -> CollisionWorld:
     """The shapes as a planner's scene, named `shape_0`, ..."""
     n = len(shapes)
-    return Scene(
+    return CollisionWorld(
         tuple(f"shape_{i}" for i in range(n)), np.array([s.center for s in shapes], dtype=float).reshape(-1, 3),
         np.array([s.half for s in shapes], dtype=float).reshape(-1, 3), np.tile(np.eye(3), (n, 1, 1)),
         np.array([s.radius for s in shapes], dtype=float), {},
     )  # fmt: skip
 
 
-def checker_among(spec: RobotSpec, shapes: Sequence[Shape]) -> Checker:
+def checker_among(spec: RobotSpec, shapes: Sequence[ObstacleShape]) -> CollisionChecker:
     """The arm at the origin, jaws open, among shapes."""
     arm = chain(spec)
-    return Checker(arm, np.eye(4), make_body(arm, spec.gripper.max_width), scene_of(shapes))
+    return CollisionChecker(arm, np.eye(4), collision_model(arm, spec.gripper.max_width), world_of(shapes))
 
 
-def free_space(spec: RobotSpec, count: int, seed: int = 0) -> list[Problem]:
+def free_space(spec: RobotSpec, count: int, seed: int = 0) -> list[PlanningProblem]:
     """`count` problems: the cage first, where the arm fits in, then random boxes and random free configurations."""
     rng = np.random.default_rng(seed)
     out = [p for p in [cage(spec, rng)] if p is not None]
@@ -116,14 +115,14 @@ def free_space(spec: RobotSpec, count: int, seed: int = 0) -> list[Problem]:
     return out
 
 
-def cage(spec: RobotSpec, rng: np.random.Generator) -> Problem | None:
+def cage(spec: RobotSpec, rng: np.random.Generator) -> PlanningProblem | None:
     """The sphere cage: for the arm it was made for, its own start and goal, else two random free configurations."""
-    shapes = tuple(Shape(center, radius=CAGE_RADIUS) for center in CAGE)
+    shapes = tuple(ObstacleShape(center, radius=CAGE_RADIUS) for center in CAGE)
     checker = checker_among(spec, shapes)
     if spec.dof == 7:
         ends = np.array([[0, -0.785, 0, -2.356, 0, 1.571, 0.785], [2.35, 1.0, 0, -0.8, 0, 2.5, 0.785]])
         if checker.valid(ends).all():
-            return Problem(checker, shapes, ends[0], ends[1:])
+            return PlanningProblem(checker, shapes, ends[0], ends[1:])
     return _free_pair(checker, shapes, rng, 400)
 
 
@@ -133,37 +132,43 @@ def groceries(spec: RobotSpec, count: int, grasps: int = 50, seed: int = 0) -> l
     out: list[GraspProblem] = []
     while len(out) < count:
         shapes = _table(rng)
-        cell = ArmModel(cast(Arm, StillArm(spec, spec.home)))
-        situation = Situation(cell, make_body(cell.chain, spec.gripper.max_width), scene_of(shapes))
+        cell = ArmModel(cast(Arm, StaticArm(spec, spec.home)))
+        scene = PlanningScene(cell, collision_model(cell.chain, spec.gripper.max_width), world_of(shapes))
         poses = np.stack([_grasp(shapes[-1], rng) for _ in range(grasps)])
-        targets = cell.last_frame(poses)
+        targets = cell.last_joint_frame(poses)
         home = np.array(spec.home)
         if any(len(q) for q in within_limits(cell.chain, targets[:4], home)):
-            out.append(GraspProblem(situation, shapes, home, targets, f"shape_{len(shapes) - 1}"))
+            out.append(GraspProblem(scene, shapes, home, targets, f"shape_{len(shapes) - 1}"))
     return out
 
 
-def _box(rng: np.random.Generator) -> Shape:
+def _box(rng: np.random.Generator) -> ObstacleShape:
     half = rng.uniform(0.04, 0.12, 3)
     radius, angle = rng.uniform(0.4, 0.8), rng.uniform(-np.pi, np.pi)
     x, y, z = radius * np.cos(angle), radius * np.sin(angle), rng.uniform(half[2], 0.8)
-    return Shape((float(x), float(y), float(z)), (float(half[0]), float(half[1]), float(half[2])))
+    return ObstacleShape((float(x), float(y), float(z)), (float(half[0]), float(half[1]), float(half[2])))
 
 
-def _free_pair(checker: Checker, shapes: tuple[Shape, ...], rng: np.random.Generator, tries: int) -> Problem | None:
+def _free_pair(
+    checker: CollisionChecker, shapes: tuple[ObstacleShape, ...], rng: np.random.Generator, tries: int
+) -> PlanningProblem | None:
     low, high = (np.clip(side, -np.pi, np.pi) for side in joint_range(checker.chain.spec))
     q = rng.uniform(low, high, (tries, len(low)))
     q = q[checker.valid(q)]
     # a joint that turns more than once reaches a pose in several ways: the goal is the one nearest to the start
-    return Problem(checker, shapes, q[0], into_range(checker.chain, q[1:2], q[0])) if len(q) > 1 else None
+    return PlanningProblem(checker, shapes, q[0], into_range(checker.chain, q[1:2], q[0])) if len(q) > 1 else None
 
 
-def _table(rng: np.random.Generator) -> tuple[Shape, ...]:
+def _table(rng: np.random.Generator) -> tuple[ObstacleShape, ...]:
     """Floor, four walls and the bottom of a basket, and six groceries that do not touch; the last one is the target."""
     bx, by, wall, deep = 0.55, 0.27, 0.006, 0.08
-    walls = [Shape((bx + s * 0.085, by, deep), (wall, 0.085, deep)) for s in (-1, 1)]
-    walls += [Shape((bx, by + s * 0.085, deep), (0.085, wall, deep)) for s in (-1, 1)]
-    shapes = [Shape((0.0, 0.0, -0.5), (1.2, 1.2, 0.5)), *walls, Shape((bx, by, 0.01), (0.085, 0.085, 0.01))]
+    walls = [ObstacleShape((bx + s * 0.085, by, deep), (wall, 0.085, deep)) for s in (-1, 1)]
+    walls += [ObstacleShape((bx, by + s * 0.085, deep), (0.085, wall, deep)) for s in (-1, 1)]
+    shapes = [
+        ObstacleShape((0.0, 0.0, -0.5), (1.2, 1.2, 0.5)),
+        *walls,
+        ObstacleShape((bx, by, 0.01), (0.085, 0.085, 0.01)),
+    ]
     spots: list[Array] = []
     while len(spots) < 6:
         spot = rng.uniform([0.35, -0.3], [0.65, 0.1])
@@ -171,11 +176,11 @@ def _table(rng: np.random.Generator) -> tuple[Shape, ...]:
             spots.append(spot)
     for x, y in spots:
         half = tuple(float(rng.uniform(*r)) for r in GROCERY_HALF)
-        shapes.append(Shape((float(x), float(y), half[2] + 0.001), (half[0], half[1], half[2])))
+        shapes.append(ObstacleShape((float(x), float(y), half[2] + 0.001), (half[0], half[1], half[2])))
     return tuple(shapes)
 
 
-def _grasp(target: Shape, rng: np.random.Generator) -> Array:
+def _grasp(target: ObstacleShape, rng: np.random.Generator) -> Array:
     """A top-down TCP pose at the target, near its top, of random yaw."""
     T = np.eye(4)
     T[:3, :3] = Rotation.from_euler("xz", [np.pi, 0.0]).as_matrix()

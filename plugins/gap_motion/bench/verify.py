@@ -1,4 +1,4 @@
-"""An independent judge of motions: MuJoCo's own collision detection and finite differences, nothing of the planner's.
+"""Verifies motions independently: MuJoCo's own collision detection and finite differences, nothing of the planner's.
 
 It loads the robot's MJCF beside plain boxes and spheres, looks at every few milliseconds of a trajectory, and can let
 the robot's own servos follow it in physics.
@@ -21,7 +21,7 @@ TOUCHING = 1e-4  # m of overlap that counts as contact
 
 
 @dataclass(frozen=True)
-class Shape:
+class ObstacleShape:
     """A box of half-extents `half` [m] at `center`, or, with a `radius`, a sphere; aligned with the base's axes."""
 
     center: tuple[float, float, float]
@@ -30,7 +30,7 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class Judgement:
+class TrajectoryReport:
     """Shares of the limits used, largest over joints and time, the largest joint step [rad], and what touched."""
 
     velocity: float
@@ -47,7 +47,7 @@ class Judgement:
 
 
 @dataclass(frozen=True)
-class Tracked:
+class TrackingReport:
     """What the servos made of a trajectory: largest lag [rad], shares of velocity and torque limits, error at rest."""
 
     lag: float
@@ -57,10 +57,10 @@ class Tracked:
     contacts: tuple[str, ...]
 
 
-class Judge:
+class TrajectoryVerifier:
     """One robot, at its base, among shapes."""
 
-    def __init__(self, spec: RobotSpec, shapes: Sequence[Shape] = (), width: float | None = None) -> None:
+    def __init__(self, spec: RobotSpec, shapes: Sequence[ObstacleShape] = (), width: float | None = None) -> None:
         import mujoco
 
         self._spec, self._mujoco = spec, mujoco
@@ -77,14 +77,14 @@ class Judge:
         self._jaw = np.array([self._model.joint(j).qposadr[0] for j in spec.gripper.joints])
         self._width = spec.gripper.max_width if width is None else width
 
-    def judge(self, trajectory: Trajectory) -> Judgement:
+    def judge(self, trajectory: Trajectory) -> TrajectoryReport:
         """Look at a trajectory whose samples are evenly spaced in time."""
         q, dt = trajectory.positions, float(trajectory.times[1] - trajectory.times[0])
         shares = [self._share(q, dt, order, name) for order, name in enumerate(RATES, start=1)]
         tcp, contacts = self._sweep(trajectory)
         speed = np.linalg.norm(np.diff(tcp, axis=0), axis=1).max() / LOOK / self._spec.tcp_velocity
         step = float(np.abs(np.diff(q, axis=0)).max())
-        return Judgement(shares[0], shares[1], shares[2], float(speed), step, tuple(sorted(contacts)))
+        return TrajectoryReport(shares[0], shares[1], shares[2], float(speed), step, tuple(sorted(contacts)))
 
     def _share(self, q: Array, dt: float, order: int, name: str) -> float:
         bound = np.array([getattr(limit, name) for limit in self._spec.limits])
@@ -95,7 +95,7 @@ class Judge:
         """True when nothing touches at a configuration (n,): for planners that want a plain checker."""
         return not self._contacts_at(q)
 
-    def follow(self, trajectory: Trajectory) -> Tracked:
+    def follow(self, trajectory: Trajectory) -> TrackingReport:
         """Let the servos follow the trajectory in physics, then hold for a quarter of a second."""
         from scipy.interpolate import CubicSpline
 
@@ -118,7 +118,7 @@ class Judge:
             torque = max(torque, float((np.abs(data.qfrc_actuator[self._v]) / bounds[1]).max()))
             contacts |= self._touching()
         rest = float(np.abs(data.qpos[self._q] - trajectory.positions[-1]).max())
-        return Tracked(lag, speed, torque, rest, tuple(sorted(contacts)))
+        return TrackingReport(lag, speed, torque, rest, tuple(sorted(contacts)))
 
     def _serve(self, target: Array, velocity: Array, acceleration: Array) -> None:
         """Write the servos' set-points for the end of this step, with the torque that the motion itself takes.

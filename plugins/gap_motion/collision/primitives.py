@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gap_motion.collision.checker import Checker
-from gap_motion.collision.world import Field
+from gap_motion.collision.checker import CollisionChecker
+from gap_motion.collision.world import DistanceField
 from gap_runtime.contracts.types import Array
 
 CLEAR = 0.001  # m left between a sphere and what was cut away for it
@@ -33,33 +33,33 @@ class Box(NamedTuple):
 
 
 @dataclass
-class Primitives:
+class PrimitiveScene:
     """Boxes, and spheres as rows of centre and radius (K, 4), all in the base frame, none grown."""
 
     boxes: list[Box]
     spheres: Array
 
     @classmethod
-    def of(cls, checker: Checker) -> Primitives:
+    def of(cls, checker: CollisionChecker) -> PrimitiveScene:
         """What is around the checker's arm."""
-        scene, base = checker.scene, np.asarray(checker.base)
+        world, base = checker.world, np.asarray(checker.base)
         boxes, spheres = [], []
-        for i, (center, half) in enumerate(zip(scene.centers, scene.half, strict=True)):
+        for i, (center, half) in enumerate(zip(world.centers, world.half, strict=True)):
             placed = (center - base[:3, 3]) @ base[:3, :3]
-            if i in scene.fields:
-                boxes += list(solid_boxes(scene.fields[i], base))
+            if i in world.fields:
+                boxes += list(solid_boxes(world.fields[i], base))
             elif half.any():
-                boxes.append(Box(placed, scene.to_local[i] @ base[:3, :3], half + scene.rounding[i]))
+                boxes.append(Box(placed, world.to_local[i] @ base[:3, :3], half + world.rounding[i]))
             else:
-                spheres.append([*placed, scene.rounding[i]])
+                spheres.append([*placed, world.rounding[i]])
         return cls(boxes, np.array(spheres).reshape(-1, 4))
 
-    def clear(self, spheres: Array, margin: float, aside: float = ASIDE) -> None:
+    def clear_start_contacts(self, spheres: Array, margin: float, aside: float = ASIDE) -> None:
         """Give way to spheres (S, 4) that move as one, so that all of it grown by `margin` does not touch them."""
         if not len(spheres):
             return
         for at in np.flatnonzero(self._near(spheres, margin))[::-1]:
-            self.boxes += list(yielding(self.boxes.pop(at), spheres, margin, aside))
+            self.boxes += list(box_without(self.boxes.pop(at), spheres, margin, aside))
         if len(self.spheres):
             apart = np.linalg.norm(self.spheres[:, None, :3] - spheres[None, :, :3], axis=2) - spheres[:, 3]
             self.spheres[:, 3] = np.minimum(self.spheres[:, 3], apart.min(axis=1) - margin - CLEAR)
@@ -75,7 +75,7 @@ class Primitives:
         return np.asarray(gaps.min(axis=1) < np.minimum(margin, most) + CLEAR)
 
 
-def yielding(box: Box, spheres: Array, margin: float, aside: float) -> Iterator[Box]:
+def box_without(box: Box, spheres: Array, margin: float, aside: float) -> Iterator[Box]:
     """A box that gives way to spheres that touch it when it is grown: at most seven boxes.
 
     Without the space of the spheres, and of `aside` [m] more across the direction in which they go least deep. If no
@@ -105,7 +105,7 @@ def _part(box: Box, low: Array, high: Array, most: float) -> Box:
     return Box(box.center + (low + high) / 2 @ box.turn, box.turn, (high - low) / 2, most)
 
 
-def solid_boxes(field: Field, base: Array) -> Iterator[Box]:
+def solid_boxes(field: DistanceField, base: Array) -> Iterator[Box]:
     """The solid cells of a distance field as boxes: runs along z, joined along y, then along x where they are equal."""
     solid = np.pad(field.values < 0, ((0, 0), (0, 0), (1, 1))).astype(np.int8)
     i, j, low = np.nonzero(np.diff(solid, axis=2) > 0)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gap_catalogue.shared.robot_chain import Chain
-from gap_motion.kinematics.robot_model import SMALL, STATIC, Body
+from gap_motion.kinematics.robot_model import SMALL, STATIC, RobotCollisionModel
 from gap_runtime.contracts.types import Array
 
 
@@ -23,23 +23,24 @@ class SelfGroup(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class SphereBatch:
     """One column per sphere and per part, for all configurations, and a last one for the TCP: what checks work on.
 
-    `blocks` are (frame, columns, homogeneous centres (4, k)); `spheres[part]` and `around[part]` are columns. `columns`
-    and `radii` (P, k) are the spheres' again, in one table: shorter parts repeat theirs. `reach` (P,) [m] is a part's.
+    `blocks` are (frame, columns, homogeneous centres (4, k)); `spheres[part]` and `bounding[part]` are columns.
+    `columns` and `radii` (P, k) are the spheres' again, in one table: shorter parts repeat theirs. `reach` (P,) [m] is
+    a part's.
     """
 
     blocks: tuple[tuple[int, slice, Array], ...]
     count: int
     spheres: tuple[Array, ...]
-    around: Array
+    bounding: Array
     columns: Array
     radii: Array
     reach: Array
     fixed: Array
     groups: tuple[SelfGroup, ...]
-    owner: Array
+    part_of: Array
 
     def place(self, chain: Chain, q: Array, base: Array) -> Array:
         """World positions of all columns, the TCP's last, shape (N, 3, count + 1), single precision."""
@@ -67,38 +68,38 @@ class Layout:
 
 
 @lru_cache(maxsize=64)
-def layout(body: Body) -> Layout:
+def sphere_batch(body: RobotCollisionModel) -> SphereBatch:
     """A body laid out frame by frame, so that every frame's columns are next to each other; done once per body."""
-    blocks, column, owner = [], 0, []
-    spheres, around = [np.zeros(0, dtype=int)] * len(body.parts), np.zeros(len(body.parts), dtype=int)
+    blocks, column, part_of = [], 0, []
+    spheres, bounding = [np.zeros(0, dtype=int)] * len(body.parts), np.zeros(len(body.parts), dtype=int)
     for frame in sorted({part.frame for part in body.parts}):
         start, rows = column, []
         for i, part in enumerate(body.parts):
             if part.frame == frame:
                 spheres[i] = np.arange(column, column + len(part.radii))
-                around[i] = column + len(part.radii)
+                bounding[i] = column + len(part.radii)
                 rows += [*part.centers, part.middle]
                 column += len(part.radii) + 1
-                owner += [i] * (len(part.radii) + 1)
+                part_of += [i] * (len(part.radii) + 1)
         centers = np.concatenate([np.array(rows).T, np.ones((1, len(rows)))]).astype(np.float32)
         blocks.append((frame, slice(start, column), centers))
     most = max(len(part.radii) for part in body.parts)
     padded = [np.resize(np.arange(len(part.radii)), most) for part in body.parts]
-    return Layout(
+    return SphereBatch(
         tuple(blocks),
         column,
         tuple(spheres),
-        around,
+        bounding,
         columns=np.array([s[k] for s, k in zip(spheres, padded, strict=True)]),
         radii=np.array([part.radii[k] for part, k in zip(body.parts, padded, strict=True)], dtype=np.float32),
         reach=np.array([part.reach for part in body.parts]),
         fixed=np.array([part.frame == STATIC for part in body.parts]),
-        groups=tuple(_groups(body, tuple(spheres), around)),
-        owner=np.array(owner),
+        groups=tuple(_groups(body, tuple(spheres), bounding)),
+        part_of=np.array(part_of),
     )
 
 
-def _groups(body: Body, spheres: tuple[Array, ...], around: Array) -> list[SelfGroup]:
+def _groups(body: RobotCollisionModel, spheres: tuple[Array, ...], bounding: Array) -> list[SelfGroup]:
     """Few dense comparisons that cover all pairs: split at the joint that most pairs lie across, then the rest."""
     rest, out = {(int(a), int(b)) for a, b in body.pairs}, []
     frame = [part.frame for part in body.parts]
@@ -108,28 +109,32 @@ def _groups(body: Body, spheres: tuple[Array, ...], around: Array) -> list[SelfG
             for cut in range(STATIC, max(frame))
         }
         best = max(sorted(across), key=lambda cut: len(across[cut]))
-        out.append(_group(body, across[best], best, spheres, around))
+        out.append(_group(body, across[best], best, spheres, bounding))
         rest -= across[best]
     return out
 
 
-def _group(body: Body, pairs: set[tuple[int, int]], cut: int, spheres: tuple[Array, ...], around: Array) -> SelfGroup:
+def _group(
+    body: RobotCollisionModel, pairs: set[tuple[int, int]], cut: int, spheres: tuple[Array, ...], bounding: Array
+) -> SelfGroup:
     members = sorted({i for pair in pairs for i in pair})
     low = [i for i in members if body.parts[i].frame <= cut]
     high = [i for i in members if body.parts[i].frame > cut]
-    (first, r1, part1), (second, r2, part2) = (_columns(body, side, spheres, around) for side in (low, high))
+    (first, r1, part1), (second, r2, part2) = (_columns(body, side, spheres, bounding) for side in (low, high))
     wanted = pairs | {(b, a) for a, b in pairs}
     mask = np.array([[(a, b) in wanted for b in part2] for a in part1])
     return SelfGroup(first, second, np.where(mask, (r1[:, None] + r2) ** 2, -1.0).astype(np.float32))
 
 
-def _columns(body: Body, side: list[int], spheres: tuple[Array, ...], around: Array) -> tuple[Array, Array, list[int]]:
+def _columns(
+    body: RobotCollisionModel, side: list[int], spheres: tuple[Array, ...], bounding: Array
+) -> tuple[Array, Array, list[int]]:
     """Columns, radii and owning parts of one side; a small part stands for its spheres."""
     columns, radii, owners = [], [], []
     for i in side:
         part = body.parts[i]
         small = part.reach <= SMALL
-        columns += [around[i : i + 1]] if small else [spheres[i]]
+        columns += [bounding[i : i + 1]] if small else [spheres[i]]
         radii += [part.reach] if small else list(part.radii)
         owners += [i] * (1 if small else len(part.radii))
     return np.concatenate(columns), np.array(radii), owners

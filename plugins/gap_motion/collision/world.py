@@ -25,7 +25,7 @@ SOLID = 0.9  # of a box filled by its points' columns: then the box itself is th
 
 
 @dataclass(frozen=True, eq=False)
-class Field:
+class DistanceField:
     """Distance to the surface [m], negative inside, on a grid whose first cell centre is at `origin`."""
 
     origin: Array
@@ -49,7 +49,7 @@ class Field:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class CollisionWorld:
     """Named obstacles: boxes by `centers` (M, 3), `half` (M, 3), `to_local` (M, 3, 3), grown all round by `rounding`
     (M,), so that a point is a sphere and a line a capsule. One that has a field (by its index) is what the field says,
     and its box is what contains it; one of the `cylinders` (M,) fills its box about its z axis."""
@@ -59,7 +59,7 @@ class Scene:
     half: Array
     to_local: Array
     rounding: Array
-    fields: dict[int, Field]
+    fields: dict[int, DistanceField]
     cylinders: Array | None = None
 
     def box_distance(self, points: Array, which: Array) -> Array:
@@ -98,7 +98,7 @@ class Scene:
         return turn, shift, half, rounding
 
 
-def make_scene(config: WorldConfig | None, without: Collection[str] = ()) -> Scene:
+def make_world(config: WorldConfig | None, without: Collection[str] = ()) -> CollisionWorld:
     """The obstacles of a config, apart from the named ones.
 
     Raises `BadRequestError`: `not_finite`, `range` for a box without volume, `too_large` for too many points,
@@ -110,7 +110,7 @@ def make_scene(config: WorldConfig | None, without: Collection[str] = ()) -> Sce
         raise unknown_obstacle(missing[0], names)
     kept = [_checked(o) for o in obstacles if o.name not in without]
     rotations = [o.box.orientation.rotation.as_matrix().T for o in kept]
-    return Scene(
+    return CollisionWorld(
         tuple(o.name for o in kept),
         np.array([o.box.center.array for o in kept]).reshape(-1, 3),
         np.array([o.box.extent.array for o in kept]).reshape(-1, 3),
@@ -127,27 +127,27 @@ def unknown_obstacle(name: str, known: Collection[str]) -> BadRequestError:
     return BadRequestError("unknown_obstacle", f"There is no obstacle {name!r}.", hint=f"Known: {listed}.")
 
 
-def with_spheres(scene: Scene, names: Sequence[str], centers: Array, radii: Array) -> Scene:
+def with_spheres(world: CollisionWorld, names: Sequence[str], centers: Array, radii: Array) -> CollisionWorld:
     """The scene and named spheres besides, centres (K, 3) and radii (K,) [m]."""
     count = len(names)
-    return Scene(
-        (*scene.names, *names),
-        np.concatenate([scene.centers, centers]),
-        np.concatenate([scene.half, np.zeros((count, 3))]),
-        np.concatenate([scene.to_local, np.tile(np.eye(3), (count, 1, 1))]),
-        np.concatenate([scene.rounding, radii]),
-        scene.fields,
-        None if scene.cylinders is None else np.concatenate([scene.cylinders, np.zeros(count, dtype=bool)]),
+    return CollisionWorld(
+        (*world.names, *names),
+        np.concatenate([world.centers, centers]),
+        np.concatenate([world.half, np.zeros((count, 3))]),
+        np.concatenate([world.to_local, np.tile(np.eye(3), (count, 1, 1))]),
+        np.concatenate([world.rounding, radii]),
+        world.fields,
+        None if world.cylinders is None else np.concatenate([world.cylinders, np.zeros(count, dtype=bool)]),
     )
 
 
-def _field(obstacle: Obstacle) -> Field | None:
+def _field(obstacle: Obstacle) -> DistanceField | None:
     if obstacle.points is not None and obstacle.triangles is not None:
         return mesh_field(obstacle.points, obstacle.triangles)
     return None if obstacle.cylinder else field_of(obstacle.points, obstacle.box)
 
 
-def field_of(points: Array | None, box: OrientedBoundingBox) -> Field | None:
+def field_of(points: Array | None, box: OrientedBoundingBox) -> DistanceField | None:
     """The distance field of points (N, 3) standing on the foot of `box`; None for no points, or when they fill it."""
     if points is None or not len(points):
         return None
@@ -165,7 +165,7 @@ def field_of(points: Array | None, box: OrientedBoundingBox) -> Field | None:
     return _distances(filled, low, cell)
 
 
-def mesh_field(vertices: Array, triangles: Array) -> Field:
+def mesh_field(vertices: Array, triangles: Array) -> DistanceField:
     """The distance field of a mesh of `triangles` (F, 3) between `vertices` (N, 3), solid where it is closed."""
     used = vertices[np.unique(triangles)]
     low = used.min(axis=0)
@@ -178,7 +178,7 @@ def _cell(size: Array) -> float:
     return max(VOXEL, float(np.cbrt(np.prod(size + 2 * REACH) / MOST_CELLS)))
 
 
-def _distances(filled: Array, low: Array, cell: float) -> Field:
+def _distances(filled: Array, low: Array, cell: float) -> DistanceField:
     from scipy.ndimage import distance_transform_edt
 
     margin = int(np.ceil(REACH / cell))
@@ -187,7 +187,7 @@ def _distances(filled: Array, low: Array, cell: float) -> Field:
     inside = distance_transform_edt(solid)
     values = np.where(solid, 0.5 - inside, outside - 0.5) * cell
     origin = low + (0.5 - margin) * cell
-    return Field(origin, cell, np.minimum(values, REACH).astype(np.float32))
+    return DistanceField(origin, cell, np.minimum(values, REACH).astype(np.float32))
 
 
 def _checked(obstacle: Obstacle) -> Obstacle:

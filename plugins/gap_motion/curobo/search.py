@@ -13,12 +13,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gap_catalogue.shared import research_packages as published
-from gap_catalogue.shared.robot_chain import Chain
-from gap_motion.collision.checker import Checker
-from gap_motion.collision.primitives import Box, Primitives
-from gap_motion.failures import joint_range
-from gap_motion.kinematics.damped_least_squares import spread
-from gap_motion.planning.motion_validator import Edges
+from gap_catalogue.shared.robot_chain import Chain, joint_range
+from gap_motion.collision.checker import CollisionChecker
+from gap_motion.collision.primitives import Box, PrimitiveScene
+from gap_motion.kinematics.damped_least_squares import halton_seeds
+from gap_motion.planning.motion_validator import MotionValidator
 from gap_motion.planning.planner import shortcut
 from gap_runtime.contracts.failures import PlanningError, ToolError
 from gap_runtime.contracts.types import Array
@@ -55,12 +54,12 @@ class Planner:
         return np.array([(*s.pose[:3], s.radius) for s in found], dtype=float).reshape(-1, 4)
 
 
-def search(checker: Checker, start: Array, goals: Array, seed: int) -> Array:
+def search(checker: CollisionChecker, start: Array, goals: Array, seed: int) -> Array:
     """Waypoints (M, n) from start (n,) to one of goals (G, n), cheapest first; free in the embedded model as well.
 
     Raises `PlanningError` (`no_path`), `ToolError` (`extra`, `setting`, `unsupported`, `too_large`, `package`).
     """
-    planner, edges = _planner(checker.chain), Edges(checker)
+    planner, edges = _planner(checker.chain), MotionValidator(checker)
     with published.running(TITLE, seed):
         boxes = _boxes(planner, checker, [start, *goals[:GOALS]])
         planner.generator.clear_world_cache()
@@ -91,16 +90,16 @@ def _positions(found: Any, dof: int) -> Array:
     return rows
 
 
-def _boxes(planner: Planner, checker: Checker, stands: list[Array]) -> list[tuple[Array, Array, Array]]:
+def _boxes(planner: Planner, checker: CollisionChecker, stands: list[Array]) -> list[tuple[Array, Array, Array]]:
     """Centres (3,), rotations (3, 3) and full sizes (3,) of what is around, in the arm's base frame.
 
     It gives way where cuRobo's arm `stands`. A sphere is the cube around it: cuRobo's fastest checker knows boxes only.
     """
-    around, margin = Primitives.of(checker), checker.margin
+    around, margin = PrimitiveScene.of(checker), checker.margin
     around.boxes += [Box(row[:3], np.eye(3), np.full(3, row[3])) for row in around.spheres]
     around.spheres = np.zeros((0, 4))
     for q in stands:
-        around.clear(planner.spheres(q), margin)
+        around.clear_start_contacts(planner.spheres(q), margin)
     found = [(b.center, b.turn.T, 2 * (b.half + min(margin, b.most))) for b in around.boxes]
     if len(found) > MOST_BOXES:
         raise ToolError(
@@ -156,7 +155,7 @@ def _load(name: str, chain: Chain) -> Planner:
 
 def _moves_alike(planner: Planner, chain: Chain) -> bool:
     """True when cuRobo's tool stands still behind our last joint in every configuration."""
-    q = spread(*joint_range(chain.spec), LOOKED_AT)
+    q = halton_seeds(*joint_range(chain.spec), LOOKED_AT)
     if planner.generator.get_retract_config().numel() != chain.dof:
         return False
     state = planner.generator.compute_kinematics(planner.state(q))

@@ -17,13 +17,13 @@ DEADLINE_S = 300.0
 @serves(PlanToGraspPoses, provider="hf", deadline_s=DEADLINE_S)
 def plan_to_grasp_poses(ctx: ToolContext, request: PlanToGraspPoses) -> GraspMotionPlan:
     """The path is cuRobo's, all else the embedded provider's."""
-    return grasp_plan(ctx, request, lambda situation: search)
+    return grasp_plan(ctx, request, lambda scene: search)
 
 
 @serves(PlanToPose, provider="hf", deadline_s=DEADLINE_S)
 def plan_to_pose(ctx: ToolContext, request: PlanToPose) -> MotionPlan:
     """The path is cuRobo's, which always optimises it."""
-    return pose_plan(ctx, request, lambda situation: search)
+    return pose_plan(ctx, request, lambda scene: search)
 
 
 TOOLS = (plan_to_grasp_poses, plan_to_pose)

@@ -13,7 +13,9 @@ DAMPING = 1e-3
 PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
 
 
-def descend(chain: Chain, T: Array, seeds: Array, limits: tuple[Array, Array], iterations: int = 60) -> Array:
+def damped_least_squares(
+    chain: Chain, T: Array, seeds: Array, limits: tuple[Array, Array], iterations: int = 60
+) -> Array:
     """Put the frame behind the last joint at `T` (B, 4, 4), each from its own seed (B, n), inside the joint limits.
 
     Returns (B, n) with NaN where it did not converge.
@@ -39,7 +41,7 @@ def descend(chain: Chain, T: Array, seeds: Array, limits: tuple[Array, Array], i
     return out
 
 
-def spread(lower: Array, upper: Array, count: int) -> Array:
+def halton_seeds(lower: Array, upper: Array, count: int) -> Array:
     """Deterministic seeds that fill the joint box, shape (count, n): a Halton sequence (Halton 1960)."""
     box = np.stack([_radical_inverse(np.arange(1, count + 1), prime) for prime in PRIMES[: len(lower)]], axis=1)
     return np.asarray(lower + box * (upper - lower))

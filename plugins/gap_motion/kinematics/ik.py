@@ -1,7 +1,7 @@
 """Inverse kinematics: all solutions for many poses, or the one nearest to where the arm is.
 
-Closed forms where the arm has one (`ik_7r`, `ik_6r`), damped least squares from many seeds where it has not. Nothing
-is random: equal requests give equal answers.
+Closed forms where the arm has one (`ik_franka_like`, `ik_ur_like`), damped least squares from many seeds where it has
+not. Nothing is random: equal requests give equal answers.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from gap_catalogue.shared.robot_chain import Chain
-from gap_motion.failures import outside_limits, unreachable
-from gap_motion.kinematics import ik_franka_like as ik_7r
-from gap_motion.kinematics import ik_ur_like as ik_6r
-from gap_motion.kinematics.damped_least_squares import descend, spread
+from gap_catalogue.shared.robot_chain import Chain, joint_range
+from gap_motion.kinematics import ik_franka_like, ik_ur_like
+from gap_motion.kinematics.damped_least_squares import damped_least_squares, halton_seeds
+from gap_runtime.contracts.failures import PlanningError
+from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.types import Array
 
 COARSE, FINE = 24, 10  # values of the free joint tried over its range, and around the best so far
@@ -40,8 +40,8 @@ def candidates(chain: Chain, T: Array, near: Array, count: int = COARSE) -> Arra
         free = np.append(spread_out, near[-1])
         found = candidates_at(chain, T, np.broadcast_to(free, (len(T), len(free))))
         return into_range(chain, found.reshape(len(T), -1, chain.dof), near)
-    seeds = np.concatenate([near[None], spread(low, high, SEEDS)])
-    found = descend(chain, np.repeat(T, len(seeds), axis=0), np.tile(seeds, (len(T), 1)), (low, high))
+    seeds = np.concatenate([near[None], halton_seeds(low, high, SEEDS)])
+    found = damped_least_squares(chain, np.repeat(T, len(seeds), axis=0), np.tile(seeds, (len(T), 1)), (low, high))
     return found.reshape(len(T), len(seeds), chain.dof)
 
 
@@ -137,10 +137,34 @@ class ClosedForm:
 @lru_cache(maxsize=64)
 def closed_form(chain: Chain) -> ClosedForm | None:
     """The closed form of an arm, found once per chain, or None."""
-    seven, six = ik_7r.geometry(chain), ik_6r.geometry(chain)
+    seven, six = ik_franka_like.geometry(chain), ik_ur_like.geometry(chain)
     if seven is not None:
-        return ClosedForm(partial(ik_7r.solve, seven), free=True)
-    return ClosedForm(partial(ik_6r.solve, six), free=False) if six is not None else None
+        return ClosedForm(partial(ik_franka_like.solve, seven), free=True)
+    return ClosedForm(partial(ik_ur_like.solve, six), free=False) if six is not None else None
+
+
+def _unreachable(what: str, distance: float, reach: float) -> PlanningError:
+    """No configuration reaches a pose; `distance` is from the arm's shoulder, `reach` what its links add up to [m]."""
+    return PlanningError(
+        "unreachable",
+        f"{what} cannot be reached: it is {distance:.3f} m from the shoulder, and the wrist reaches {reach:.3f} m.",
+        hint="Choose a pose nearer to the arm, or another orientation.",
+        detail={"distance_m": round(distance, 4), "reach_m": round(reach, 4)},
+    )
+
+
+def _outside_limits(spec: RobotSpec, q: Array, what: str) -> PlanningError:
+    """The joint of `q` that is farthest outside its range, and by how much."""
+    low, high = joint_range(spec)
+    excess = np.maximum(low - q, q - high)
+    worst = int(np.argmax(excess))
+    return PlanningError(
+        "limits",
+        f"{what} needs {spec.joints[worst]} at {q[worst]:.3f} rad, {excess[worst]:.3f} rad outside "
+        f"[{low[worst]:.3f}, {high[worst]:.3f}].",
+        hint="Choose another pose or another rotation about the approach axis.",
+        detail={"joint": spec.joints[worst], "excess_rad": round(float(excess[worst]), 5)},
+    )
 
 
 def _why_not(chain: Chain, T: Array, found: Array, near: Array, what: str) -> Exception:
@@ -148,7 +172,7 @@ def _why_not(chain: Chain, T: Array, found: Array, near: Array, what: str) -> Ex
     if len(outside):
         low, high = chain.low, chain.high
         excess = np.maximum(low - outside, outside - high).max(axis=-1)
-        return outside_limits(chain.spec, outside[int(np.argmin(excess))], what)
+        return _outside_limits(chain.spec, outside[int(np.argmin(excess))], what)
     joints = chain.frames(near)[1:, 0, :3, 3]
     links = np.linalg.norm(np.diff(joints, axis=0), axis=1).sum()
-    return unreachable(what, float(np.linalg.norm(T[:3, 3] - joints[0])), float(links))
+    return _unreachable(what, float(np.linalg.norm(T[:3, 3] - joints[0])), float(links))

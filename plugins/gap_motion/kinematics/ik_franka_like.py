@@ -19,7 +19,7 @@ _TURN = (0, -1, 1, 1, -1, 1, 1)  # quarter turns about x between consecutive joi
 
 
 @dataclass(frozen=True)
-class Geometry:
+class FrankaGeometry:
     """Link lengths [m]: shoulder height, upper arm, forearm, elbow offset, wrist offset."""
 
     d1: float
@@ -29,7 +29,7 @@ class Geometry:
     a7: float
 
 
-def geometry(chain: Chain) -> Geometry | None:
+def geometry(chain: Chain) -> FrankaGeometry | None:
     """The lengths of an arm of this kind, or None when it is of another."""
     if chain.dof != 7:
         return None
@@ -40,10 +40,10 @@ def geometry(chain: Chain) -> Geometry | None:
     expected[4, :2], expected[6, 0] = (-a4, d5), a7
     turns = np.array([[[1, 0, 0], [0, 1 - abs(k), -k], [0, k, 1 - abs(k)]] for k in _TURN])
     same = np.allclose(T[:, :3, 3], expected, atol=1e-9) and np.allclose(T[:, :3, :3], turns, atol=1e-6)
-    return Geometry(d1, d3, d5, a4, a7) if same else None
+    return FrankaGeometry(d1, d3, d5, a4, a7) if same else None
 
 
-def solve(g: Geometry, T: Array, q7: Array) -> Array:
+def solve(g: FrankaGeometry, T: Array, q7: Array) -> Array:
     """All configurations that put the frame behind joint 7 at `T`, with joint 7 at `q7`.
 
     T (N, 4, 4) in the base frame, q7 (N,) [rad]; returns (N, 8, 7) [rad] in (-pi, pi], NaN where a branch has no
@@ -76,7 +76,7 @@ def solve(g: Geometry, T: Array, q7: Array) -> Array:
     return out.reshape(len(T), BRANCHES, 7)
 
 
-def _elbow(g: Geometry, reach: Array) -> Array:
+def _elbow(g: FrankaGeometry, reach: Array) -> Array:
     """Joint 4 from the distance between shoulder and wrist: |reach|^2 = k + a cos q4 + b sin q4."""
     k = 2 * g.a4**2 + g.d3**2 + g.d5**2
     a, b = 2 * (g.d3 * g.d5 - g.a4**2), -2 * g.a4 * (g.d3 + g.d5)

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gap_catalogue.shared.robot_chain import Chain
-from gap_motion.failures import joint_range
-from gap_motion.kinematics.damped_least_squares import spread
+from gap_catalogue.shared.robot_chain import Chain, joint_range
+from gap_motion.kinematics.damped_least_squares import halton_seeds
 from gap_motion.kinematics.ik import cost
 from gap_runtime.contracts.types import Array
 
@@ -29,7 +28,7 @@ def solve_batch(chain: Chain, T: Array, near: Array) -> Array:
     import torch
 
     low, high = joint_range(chain.spec)
-    seeds = np.concatenate([near[None], spread(low, high, RETRIES - 1)])
+    seeds = np.concatenate([near[None], halton_seeds(low, high, RETRIES - 1)])
     solver = pk.PseudoInverseIK(
         _serial(chain), retry_configs=torch.tensor(seeds, dtype=torch.float64), max_iterations=ITERATIONS, lr=0.5,
         joint_limits=torch.tensor(np.stack([low, high], axis=1)), early_stopping_any_converged=True,

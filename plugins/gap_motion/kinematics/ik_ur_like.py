@@ -18,7 +18,7 @@ STRAIGHT = 1e-7  # sine of the fifth joint below which the last joint is free
 
 
 @dataclass(frozen=True, eq=False)
-class Geometry:
+class UrGeometry:
     """Link lengths [m], as Denavit-Hartenberg parameters, and the base's fixed transform before the first joint."""
 
     base: Array
@@ -29,7 +29,7 @@ class Geometry:
     d5: float
 
 
-def geometry(chain: Chain) -> Geometry | None:
+def geometry(chain: Chain) -> UrGeometry | None:
     """The lengths of an arm of this kind, or None when it is of another."""
     if chain.dof != 6:
         return None
@@ -39,10 +39,10 @@ def geometry(chain: Chain) -> Geometry | None:
     expected[1, 2], expected[2, 0], expected[3, 0], expected[4, 2], expected[5, 2] = d1, a2, a3, d4, d5
     turns = np.array([[[1, 0, 0], [0, 1 - abs(k), -k], [0, k, 1 - abs(k)]] for k in (1, 0, 0, 1, -1)])
     same = np.allclose(T[1:, :3, 3], expected[1:], atol=1e-9) and np.allclose(T[1:, :3, :3], turns, atol=1e-6)
-    return Geometry(T[0], d1, a2, a3, d4, d5) if same else None
+    return UrGeometry(T[0], d1, a2, a3, d4, d5) if same else None
 
 
-def solve(g: Geometry, T: Array, last: Array) -> Array:
+def solve(g: UrGeometry, T: Array, last: Array) -> Array:
     """All configurations that put the frame behind joint 6 at `T` (N, 4, 4) in the base frame.
 
     `last` (N,) [rad] is the last joint's value where a straight wrist leaves it free. Returns (N, 8, 6) [rad], NaN
@@ -72,7 +72,7 @@ def solve(g: Geometry, T: Array, last: Array) -> Array:
     return out.reshape(len(T), BRANCHES, 6)
 
 
-def _planar(g: Geometry, x: Array, y: Array, total: Array) -> Array:
+def _planar(g: UrGeometry, x: Array, y: Array, total: Array) -> Array:
     """Joints 2 to 4 of the planar arm that reaches (x, y) with the sum of its angles `total`; two elbows."""
     fold = np.arccos((x**2 + y**2 - g.a2**2 - g.a3**2) / (2 * g.a2 * g.a3))
     q3 = np.stack([fold, -fold], axis=-1)

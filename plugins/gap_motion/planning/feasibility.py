@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gap_motion.arguments import ArmModel
-from gap_motion.collision.checker import Checker
+from gap_motion.collision.checker import CollisionChecker
 from gap_motion.planning.goals import free_goals, within_limits
-from gap_motion.planning.moves import back_off
+from gap_motion.planning.moves import pregrasp_pose
 from gap_runtime.contracts.types import Array
 
 CORRIDOR = 6  # configurations looked at between the approach and the grasp
@@ -25,10 +25,12 @@ class Feasible(NamedTuple):
     corridor: Array
 
 
-def assess(cell: ArmModel, free: Checker, reaching: Checker, grasps: Array, offset: float, near: Array) -> Feasible:
+def assess(
+    cell: ArmModel, free: CollisionChecker, reaching: CollisionChecker, grasps: Array, offset: float, near: Array
+) -> Feasible:
     """Assess M grasps, poses of the frame behind the last joint, approached from `offset` [m] before."""
     count = len(grasps)
-    before = back_off(cell, grasps, offset)
+    before = pregrasp_pose(cell, grasps, offset)
     rows = within_limits(cell.chain, np.concatenate([before, grasps]), near)
     starts, ends = free_goals(free, rows[:count]), free_goals(reaching, rows[count:])
     has_start, has_end = (np.array([len(q) > 0 for q in side]) for side in (starts, ends))

@@ -8,15 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from gap_motion.arguments import ArmModel
-from gap_motion.collision.checker import Checker
+from gap_motion.collision.checker import CollisionChecker
 from gap_motion.kinematics.ik import nearest
 from gap_motion.planning.goals import cheapest_free, free_goals, within_limits
 from gap_motion.planning.line import follow, interpolate, waypoint_count
-from gap_motion.planning.motion_validator import STEP, Edges
-from gap_motion.planning.moves import back_off
+from gap_motion.planning.motion_validator import STEP, MotionValidator
+from gap_motion.planning.moves import pregrasp_pose
 from gap_motion.planning.paths import CORNER, polyline, velocity_limits, without_repeats
-from gap_motion.planning.planner import Search, plan, refuse_contact
-from gap_motion.planning.planning_scene import Situation
+from gap_motion.planning.planner import PathSearch, plan, refuse_contact
+from gap_motion.planning.planning_scene import PlanningScene
 from gap_motion.timing.timing import time_path
 from gap_runtime.contracts.failures import PlanningError
 from gap_runtime.contracts.types import Array, Trajectory
@@ -27,7 +27,7 @@ CORNER_SAMPLES = 5  # of a trajectory, over which it turns from the planned path
 LINES = 2  # straight approaches looked at before planning towards them
 
 
-class Reached(NamedTuple):
+class PlannedMotion(NamedTuple):
     """A timed motion and the index of the pose it leads to."""
 
     trajectory: Trajectory
@@ -41,7 +41,9 @@ class Approach(NamedTuple):
     pose: int
 
 
-def timed(checker: Checker, waypoints: Array, is_free: Callable[[Trajectory], bool] | None = None) -> Trajectory | None:
+def timed(
+    checker: CollisionChecker, waypoints: Array, is_free: Callable[[Trajectory], bool] | None = None
+) -> Trajectory | None:
     """The fastest trajectory along (M, n) waypoints that is free all along, or as `is_free` has it; or None."""
     rows = without_repeats(waypoints)
     if len(rows) < 2:
@@ -54,47 +56,47 @@ def timed(checker: Checker, waypoints: Array, is_free: Callable[[Trajectory], bo
     return None
 
 
-def to_joints(checker: Checker, start: Array, goals: Array, seed: int, improve: bool = False) -> Reached:
+def to_joints(checker: CollisionChecker, start: Array, goals: Array, seed: int, improve: bool = False) -> PlannedMotion:
     """A free motion from `start` (n,) to the cheapest reachable of goals (G, n). Raises `PlanningError`."""
     return _connect(checker, start, goals, np.arange(len(goals)), seed, improve)
 
 
 def to_poses(
-    situation: Situation,
+    scene: PlanningScene,
     start: Array,
     poses: Array,
     seed: int,
     improve: bool = False,
-    search: Search | None = None,
-) -> Reached:
+    search: PathSearch | None = None,
+) -> PlannedMotion:
     """A free motion from `start` (n,) to the cheapest reachable of M poses of the frame behind the last joint.
 
     Raises `PlanningError`: `unreachable`, `limits`, `in_collision`, `no_path`.
     """
-    checker = situation.checker(start)
-    rows = within_limits(situation.cell.chain, poses, start)
+    checker = scene.checker(start)
+    rows = within_limits(scene.cell.chain, poses, start)
     goals, owner = _flatten(free_goals(checker, rows))
     if not len(goals):
-        raise _no_goal(situation.cell, checker, poses, rows, start)
+        raise _no_goal(scene.cell, checker, poses, rows, start)
     return _connect(checker, start, goals, owner, seed, improve, search=search)
 
 
 def to_grasps(
-    situation: Situation,
+    scene: PlanningScene,
     start: Array,
     grasps: Array,
     approach: float,
     grasped: list[str],
     seed: int,
-    search: Search | None = None,
-) -> Reached:
+    search: PathSearch | None = None,
+) -> PlannedMotion:
     """As `to_poses`, the last `approach` [m] straight along the TCP's approach axis.
 
     On that last stretch the gripper may touch what is `grasped`; until then it is an obstacle like any other.
     """
-    cell = situation.cell
-    free, reaching = situation.checker(start), situation.checker(start, reaching=True, grasped=grasped)
-    before = back_off(cell, grasps, approach)
+    cell = scene.cell
+    free, reaching = scene.checker(start), scene.checker(start, reaching=True, grasped=grasped)
+    before = pregrasp_pose(cell, grasps, approach)
     lines: list[Approach] = []
     blocked: PlanningError | None = None
     for q, pose in cheapest_free(free, before, start):
@@ -104,10 +106,10 @@ def to_grasps(
         except PlanningError as error:
             blocked = blocked or error
             continue
-        if search is None and Edges(free).free(start, q):
+        if search is None and MotionValidator(free).free(start, q):
             found = _timed_approach(free, reaching, start[None], line)
             if found is not None:
-                return Reached(found, pose)
+                return PlannedMotion(found, pose)
         lines.append(line)
         if len(lines) == LINES:
             break
@@ -122,7 +124,7 @@ def approach_line(cell: ArmModel, q: Array, before: Array, grasp: Array) -> Arra
     return follow(cell.chain, way @ np.linalg.inv(cell.chain.tcp), q, "the approach")
 
 
-def _refuse_approach(reaching: Checker, rows: Array) -> None:
+def _refuse_approach(reaching: CollisionChecker, rows: Array) -> None:
     contact = reaching.first_contact(rows)
     if contact is not None:
         raise PlanningError(
@@ -133,37 +135,44 @@ def _refuse_approach(reaching: Checker, rows: Array) -> None:
 
 
 def _connect(
-    checker: Checker,
+    checker: CollisionChecker,
     start: Array,
     goals: Array,
     owner: Array,
     seed: int,
     improve: bool = False,
-    search: Search | None = None,
-) -> Reached:
+    search: PathSearch | None = None,
+) -> PlannedMotion:
     """Plan to the goals (G, n), which lead to the poses `owner` (G,), and time the path."""
     for attempt, step in enumerate(TRIES):
         path = plan(checker, start, goals, seed + 7919 * attempt, improve, step, search=search)
         found = timed(checker, path.waypoints)
         if found is not None:
-            return Reached(found, int(owner[path.goal]))
+            return PlannedMotion(found, int(owner[path.goal]))
     raise _not_free_in_time()
 
 
 def _approached(
-    free: Checker, reaching: Checker, start: Array, lines: list[Approach], seed: int, search: Search | None
-) -> Reached:
+    free: CollisionChecker,
+    reaching: CollisionChecker,
+    start: Array,
+    lines: list[Approach],
+    seed: int,
+    search: PathSearch | None,
+) -> PlannedMotion:
     """Plan to where one of the straight approaches begins, and time the whole."""
     goals = np.array([line.rows[0] for line in lines])
     for attempt, step in enumerate(TRIES):
         path = plan(free, start, goals, seed + 7919 * attempt, step=step, search=search)
         found = _timed_approach(free, reaching, path.waypoints[:-1], lines[path.goal])
         if found is not None:
-            return Reached(found, lines[path.goal].pose)
+            return PlannedMotion(found, lines[path.goal].pose)
     raise _not_free_in_time()
 
 
-def _timed_approach(free: Checker, reaching: Checker, way: Array, line: Approach) -> Trajectory | None:
+def _timed_approach(
+    free: CollisionChecker, reaching: CollisionChecker, way: Array, line: Approach
+) -> Trajectory | None:
     """Free until it turns into the straight approach, from there on as free as reaching asks for; or None."""
 
     def is_free(trajectory: Trajectory) -> bool:
@@ -188,7 +197,7 @@ def _flatten(rows: list[Array]) -> tuple[Array, Array]:
     return (np.concatenate(rows) if len(owner) else np.zeros((0, 0))), owner
 
 
-def _no_goal(cell: ArmModel, checker: Checker, poses: Array, rows: list[Array], start: Array) -> PlanningError:
+def _no_goal(cell: ArmModel, checker: CollisionChecker, poses: Array, rows: list[Array], start: Array) -> PlanningError:
     """Why none of the poses has a free configuration, told of the first that can be reached at all."""
     reached = next((q for q in rows if len(q)), None)
     try:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from gap_catalogue.shared.robot_chain import Chain
-from gap_motion.collision.checker import Checker
+from gap_motion.collision.checker import CollisionChecker
 from gap_motion.kinematics.ik import DENSE, candidates, closed_form, cost, inside
 from gap_runtime.contracts.types import Array
 
@@ -34,7 +34,7 @@ def _dense(chain: Chain, T: Array, near: Array) -> Array:
     return np.asarray(found[np.argsort(cost(chain, found, near), kind="stable")])
 
 
-def cheapest_free(checker: Checker, T: Array, near: Array, keep: int = KEEP) -> Iterator[tuple[Array, int]]:
+def cheapest_free(checker: CollisionChecker, T: Array, near: Array, keep: int = KEEP) -> Iterator[tuple[Array, int]]:
     """Free configurations (n,) for any of M poses, cheapest first over all poses, each with the index of its pose.
 
     At most `keep` for a pose. They are checked as they are asked for, so the first ones come soon.
@@ -55,7 +55,7 @@ def cheapest_free(checker: Checker, T: Array, near: Array, keep: int = KEEP) -> 
             yield free, int(i)
 
 
-def free_goals(checker: Checker, rows: list[Array], keep: int = KEEP) -> list[Array]:
+def free_goals(checker: CollisionChecker, rows: list[Array], keep: int = KEEP) -> list[Array]:
     """Of each pose's configurations, cheapest first, at most `keep` that are free, all checked in two calls."""
     first = _valid(checker, [q[:TRY] for q in rows])
     late = [i for i, q in enumerate(first) if not len(q) and len(rows[i]) > TRY]
@@ -64,7 +64,7 @@ def free_goals(checker: Checker, rows: list[Array], keep: int = KEEP) -> list[Ar
     return [q[:keep] for q in first]
 
 
-def _valid(checker: Checker, rows: list[Array]) -> list[Array]:
+def _valid(checker: CollisionChecker, rows: list[Array]) -> list[Array]:
     sizes = [len(q) for q in rows]
     if not sum(sizes):
         return rows

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from gap_catalogue.shared.robot_chain import Chain
-from gap_motion.kinematics.damped_least_squares import descend
+from gap_motion.kinematics.damped_least_squares import damped_least_squares
 from gap_motion.kinematics.ik import TURN, candidates_at, cost, free_joint_grid, inside, nearest
 from gap_runtime.contracts.failures import PlanningError
 from gap_runtime.contracts.types import Array
@@ -89,7 +89,9 @@ def _track(chain: Chain, poses: Array, start: Array, what: str) -> Array:
     """Waypoint by waypoint with damped least squares: any arm, and through singularities of the closed forms."""
     rows = [start]
     for step in range(1, len(poses)):
-        q = descend(chain, poses[step : step + 1], rows[-1][None], (chain.low, chain.high), iterations=30)[0]
+        q = damped_least_squares(chain, poses[step : step + 1], rows[-1][None], (chain.low, chain.high), iterations=30)[
+            0
+        ]
         if np.isnan(q).any() or np.abs(q - rows[-1]).max() > JUMP:
             raise _stuck(chain, poses, step, rows[-1][None], what)
         rows.append(q)

@@ -6,17 +6,17 @@ from itertools import pairwise
 
 import numpy as np
 
-from gap_motion.collision.checker import Checker
+from gap_motion.collision.checker import CollisionChecker
 from gap_runtime.contracts.types import Array
 
 STEP = 0.025  # m: no point of the robot moves farther between checked configurations while planning
 FIRST = 0.2  # rad between the configurations looked at first
 
 
-class Edges:
+class MotionValidator:
     """Checks straight joint motions: a few configurations first, then as many more as the robot moved between them."""
 
-    def __init__(self, checker: Checker, step: float = STEP) -> None:
+    def __init__(self, checker: CollisionChecker, step: float = STEP) -> None:
         self.checker, self.step = checker, step
         self.count = 0
 

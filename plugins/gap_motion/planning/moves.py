@@ -13,22 +13,24 @@ from gap_runtime.contracts.failures import PlanningError
 from gap_runtime.contracts.types import Array, Trajectory
 
 
-def to_pose(cell: ArmModel, start: Array, last_frame: Array, z_approach: float = 0.0) -> Trajectory:
+def to_pose(cell: ArmModel, start: Array, last_joint_frame: Array, z_approach: float = 0.0) -> Trajectory:
     """Joint motion to the configuration nearest to `start` for a pose (4, 4) of the frame behind the last joint.
 
     With `z_approach` [m], first to the pose backed off along the TCP's approach axis, then straight in without
     stopping between. Raises `PlanningError`.
     """
     if z_approach == 0.0:
-        return point_to_point(cell.chain, np.stack([start, nearest(cell.chain, last_frame, start, "the target pose")]))
-    before = back_off(cell, last_frame, z_approach)
+        return point_to_point(
+            cell.chain, np.stack([start, nearest(cell.chain, last_joint_frame, start, "the target pose")])
+        )
+    before = pregrasp_pose(cell, last_joint_frame, z_approach)
     q = nearest(cell.chain, before, start, "the pose before the target")
-    way = interpolate(before, last_frame, waypoint_count(before, last_frame))
+    way = interpolate(before, last_joint_frame, waypoint_count(before, last_joint_frame))
     rows = np.concatenate([start[None], follow(cell.chain, way, q, "the approach")])
     return time_path(polyline(without_repeats(rows), velocity_limits(cell.spec)), cell.chain)
 
 
-def straight(
+def cartesian_line(
     cell: ArmModel, start: Array, goal: Array, count: int = 0, speed: float = np.inf, turning: float = np.inf
 ) -> Trajectory:
     """A straight line of the TCP from the joints `start` (n,) to `goal` (4, 4), both as frames behind the last joint.
@@ -55,10 +57,10 @@ def line_waypoints(cell: ArmModel, start: Array, goal: Array, count: int = 0) ->
     return follow(cell.chain, way @ np.linalg.inv(cell.chain.tcp), start), distance, angle
 
 
-def back_off(cell: ArmModel, last_frame: Array, distance: float) -> Array:
+def pregrasp_pose(cell: ArmModel, last_joint_frame: Array, distance: float) -> Array:
     """Poses (..., 4, 4) of the frame behind the last joint, `distance` [m] back along the TCP's approach axis."""
-    T = last_frame.copy()
-    T[..., :3, 3] -= distance * (last_frame @ cell.chain.tcp)[..., :3, 2]
+    T = last_joint_frame.copy()
+    T[..., :3, 3] -= distance * (last_joint_frame @ cell.chain.tcp)[..., :3, 2]
     return T
 
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from gap_motion.arguments import ArmModel
-from gap_motion.collision.sphere_batch import layout
-from gap_motion.kinematics.robot_model import make_body
-from gap_motion.timing.limits import refuse
+from gap_motion.collision.sphere_batch import sphere_batch
+from gap_motion.kinematics.robot_model import collision_model
+from gap_motion.timing.limits import check_trajectory_limits
 from gap_motion.timing.timing import PERIOD
 from gap_runtime.contracts.cell import LockstepCell
 from gap_runtime.contracts.failures import MotionError
@@ -56,7 +56,7 @@ def move_together(ctx: ToolContext, cells: Sequence[ArmModel], planned: Sequence
         )
     motions = in_step(planned)
     for cell, motion in zip(cells, motions, strict=True):
-        refuse(cell, motion, ctx.task, cell.joints())
+        check_trajectory_limits(cell, motion, ctx.task, cell.joints())
     refuse_meeting(cells, motions)
     ctx.raise_if_cancelled()
     if motions[0].duration > 0:
@@ -82,7 +82,7 @@ def refuse_meeting_others(ctx: ToolContext, cell: ArmModel, motion: Trajectory) 
         if arm_id == cell.arm_id:
             continue
         other = ArmModel(arm, arm_id)
-        for q in other.whereabouts():
+        for q in other.occupied_configurations():
             (pa, ra, na), (pb, rb, nb) = _spheres(cell, motion.positions), _spheres(other, q[None])
             gap = np.linalg.norm(pa[:, :, :, None] - pb[:, :, None], axis=1) - ra[:, None] - rb
             room = gap - np.minimum(APART, gap[0] - NEARER)
@@ -113,8 +113,8 @@ def _gaps(a: ArmModel, qa: Array, b: ArmModel, qb: Array) -> tuple[Array, list[t
 
 
 def _spheres(cell: ArmModel, q: Array) -> tuple[Array, Array, list[str]]:
-    body = make_body(cell.chain, cell.arm.state().gripper.width)
-    plan = layout(body)
+    body = collision_model(cell.chain, cell.arm.state().gripper.width)
+    plan = sphere_batch(body)
     columns = np.concatenate(plan.spheres)
     radii = np.concatenate([part.radii for part in body.parts])
     names = [part.link for part in body.parts for _ in part.radii]

@@ -13,10 +13,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from gap_motion.collision.checker import Checker
-from gap_motion.failures import joint_range
+from gap_catalogue.shared.robot_chain import joint_range
+from gap_motion.collision.checker import CollisionChecker
 from gap_motion.kinematics.ik import cost
-from gap_motion.planning.motion_validator import STEP, Edges
+from gap_motion.planning.motion_validator import STEP, MotionValidator
 from gap_motion.planning.paths import velocity_limits
 from gap_runtime.contracts.failures import PlanningError
 from gap_runtime.contracts.types import Array
@@ -39,10 +39,10 @@ class Path:
     edges: int
 
 
-class Search(Protocol):
+class PathSearch(Protocol):
     """Another way to find a path than OMPL's."""
 
-    def __call__(self, checker: Checker, start: Array, goals: Array, seed: int) -> Array:
+    def __call__(self, checker: CollisionChecker, start: Array, goals: Array, seed: int) -> Array:
         """Waypoints (M, n) from start (n,) to one of goals (G, n), simplified; all these are free for the checker.
 
         Whoever asks checks the motion again. Raises `PlanningError`.
@@ -50,14 +50,14 @@ class Search(Protocol):
 
 
 def plan(
-    checker: Checker,
+    checker: CollisionChecker,
     start: Array,
     goals: Array,
     seed: int = 0,
     improve: bool = False,
     step: float = STEP,
     simplify: bool = True,
-    search: Search | None = None,
+    search: PathSearch | None = None,
 ) -> Path:
     """A short free path from start (n,) to the cheapest reachable one of goals (G, n).
 
@@ -66,7 +66,7 @@ def plan(
     for all of that; its path is not checked here.
     Raises `PlanningError`: `in_collision` with the pair, or `no_path`.
     """
-    edges = Edges(checker, step)
+    edges = MotionValidator(checker, step)
     refuse_contact(checker, start, "The start")
     price = cost(checker.chain, goals, start)
     order = np.argsort(price, kind="stable")
@@ -84,7 +84,7 @@ def plan(
 
 
 def _to_one_of(
-    edges: Edges, start: Array, goals: Array, which: Array, seed: int, improve: bool, simplify: bool
+    edges: MotionValidator, start: Array, goals: Array, which: Array, seed: int, improve: bool, simplify: bool
 ) -> Path:
     """Straight to one of the first two goals, or else by a search to any of `which` (K,)."""
     for goal in which[:2]:
@@ -100,7 +100,7 @@ def _nearest(goals: Array, which: Array, q: Array) -> int:
     return int(which[int(np.argmin(np.abs(goals[which] - q).max(axis=1)))])
 
 
-def refuse_contact(checker: Checker, q: Array, what: str) -> None:
+def refuse_contact(checker: CollisionChecker, q: Array, what: str) -> None:
     """Raise `PlanningError` (`in_collision`) with the pair when a configuration (n,) is not free."""
     contact = checker.first_contact(q)
     if contact is not None:
@@ -112,7 +112,7 @@ def refuse_contact(checker: Checker, q: Array, what: str) -> None:
         )
 
 
-def _search(edges: Edges, start: Array, goals: Array, seed: int, improve: bool) -> Array:
+def _search(edges: MotionValidator, start: Array, goals: Array, seed: int, improve: bool) -> Array:
     from ompl import base as ob
     from ompl import geometric as og
     from ompl import util as ou
@@ -148,7 +148,7 @@ def _search(edges: Edges, start: Array, goals: Array, seed: int, improve: bool) 
     return np.array([[path.getState(k)[i] for i in range(n)] for k in range(path.getStateCount())])
 
 
-def _space(edges: Edges) -> tuple[Any, Any]:
+def _space(edges: MotionValidator) -> tuple[Any, Any]:
     """The joint box, with motions checked whole, and a function that makes a state of a configuration."""
     from ompl import base as ob
 
@@ -180,7 +180,7 @@ def _space(edges: Edges) -> tuple[Any, Any]:
     return info, state
 
 
-def shortcut(edges: Edges, waypoints: Array, seed: int, attempts: int = 30) -> Array:
+def shortcut(edges: MotionValidator, waypoints: Array, seed: int, attempts: int = 30) -> Array:
     """A shorter free path: skip waypoints where the straight way is free, then cut random pieces off corners."""
     velocity = velocity_limits(edges.checker.chain.spec)
     rows = _skip(edges, waypoints)
@@ -198,7 +198,7 @@ def shortcut(edges: Edges, waypoints: Array, seed: int, attempts: int = 30) -> A
     return _skip(edges, rows)
 
 
-def _skip(edges: Edges, rows: Array) -> Array:
+def _skip(edges: MotionValidator, rows: Array) -> Array:
     """From each waypoint straight to the farthest one that can be seen from it."""
     kept, at = [0], 0
     while at < len(rows) - 1:

@@ -17,7 +17,9 @@ SLACK = 1.02  # of a rate limit: what differences of samples may show beyond the
 RATES = (("velocity", "rad/s"), ("acceleration", "rad/s^2"), ("jerk", "rad/s^3"))
 
 
-def refuse(cell: ArmModel, trajectory: Trajectory, task: Task, now: Array, flying: Setpoint | None = None) -> None:
+def check_trajectory_limits(
+    cell: ArmModel, trajectory: Trajectory, task: Task, now: Array, flying: Setpoint | None = None
+) -> None:
     """Raise `MotionError` (`refused`) unless the whole trajectory may run from the joints `now` (n,).
 
     It must begin at rest, or take over from the `flying` set-point, and end at rest. `detail["why"]` is `not_finite`,

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gap_motion.arguments import STEP, ArmModel
-from gap_motion.kinematics.damped_least_squares import descend
+from gap_motion.kinematics.damped_least_squares import damped_least_squares
 from gap_motion.kinematics.ik import nearest
 from gap_motion.timing.timing import SPEED
 from gap_runtime.contracts.arm import Setpoint
@@ -26,7 +26,7 @@ JUMP = 1.0  # rad: a solution farther away than that is on another branch
 
 
 @dataclass(frozen=True)
-class Stream:
+class PolicyStream:
     """What an action of an arm leaves to the next: its target T_base_tcp, and the joints (n,) that are to reach it."""
 
     target: Array
@@ -53,13 +53,13 @@ def checked_action(action: Sequence[float]) -> Array:
     return values
 
 
-def begin(cell: ArmModel) -> Stream:
+def begin(cell: ArmModel) -> PolicyStream:
     """A stream of actions that starts where the arm is."""
     q = cell.arm.setpoint().goal
-    return Stream(cell.chain.tcp_poses(q)[0], q)
+    return PolicyStream(cell.chain.tcp_poses(q)[0], q)
 
 
-def step(cell: ArmModel, stream: Stream, action: Array) -> Stream:
+def step(cell: ArmModel, stream: PolicyStream, action: Array) -> PolicyStream:
     """The target moved by an action: translation and rotation vector in the arm's base frame.
 
     Raises `PlanningError` (`unreachable`, `limits`), `MotionError` (`refused`).
@@ -69,17 +69,17 @@ def step(cell: ArmModel, stream: Stream, action: Array) -> Stream:
     target = stream.target.copy()
     target[:3, 3] += TRANSLATION * action[:3]
     target[:3, :3] = Rotation.from_rotvec(ROTATION * action[3:6]).as_matrix() @ target[:3, :3]
-    return Stream(target, solve(cell, target @ np.linalg.inv(cell.chain.tcp), stream.goal))
+    return PolicyStream(target, solve(cell, target @ np.linalg.inv(cell.chain.tcp), stream.goal))
 
 
-def solve(cell: ArmModel, last_frame: Array, seed: Array) -> Array:
+def solve(cell: ArmModel, last_joint_frame: Array, seed: Array) -> Array:
     """The configuration (n,) near `seed` that puts the last frame at T_base_last. Raises `PlanningError`, `MotionError`
     (`refused`) where it is on another branch."""
     limits = (cell.chain.low, cell.chain.high)
-    q = descend(cell.chain, last_frame[None], seed[None], limits, iterations=40)[0]
+    q = damped_least_squares(cell.chain, last_joint_frame[None], seed[None], limits, iterations=40)[0]
     if np.isfinite(q).all() and np.abs(q - seed).max() < JUMP:
         return np.asarray(q)
-    q = nearest(cell.chain, last_frame, seed, "the action's target")
+    q = nearest(cell.chain, last_joint_frame, seed, "the action's target")
     if np.abs(q - seed).max() < JUMP:
         return q
     raise MotionError(

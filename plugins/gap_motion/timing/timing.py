@@ -27,7 +27,7 @@ SPEED = 0.97  # of joint speeds
 
 
 @dataclass(frozen=True)
-class Limits:
+class MotionLimits:
     """Shapes (n,), in rad and seconds; `tcp_speed` [m/s]."""
 
     velocity: Array
@@ -36,19 +36,19 @@ class Limits:
     tcp_speed: float
 
     @classmethod
-    def of(cls, spec: RobotSpec, speed: float = SPEED, rest: float = MARGIN) -> Limits:
+    def of(cls, spec: RobotSpec, speed: float = SPEED, rest: float = MARGIN) -> MotionLimits:
         """A robot's limits: `speed` of its joint velocities, `rest` of everything else."""
         v, a, j = (np.array([getattr(x, k) for x in spec.limits]) for k in ("velocity", "acceleration", "jerk"))
         return cls(speed * v, rest * a, rest * j, rest * spec.tcp_velocity)
 
 
-def time_path(path: Any, arm: Chain, limits: Limits | None = None, rate: Array | float = np.inf) -> Trajectory:
+def time_path(path: Any, arm: Chain, limits: MotionLimits | None = None, rate: Array | float = np.inf) -> Trajectory:
     """The fastest trajectory along a path (see `paths`), at rest at both ends.
 
     `rate` bounds the speed along the path in units of s per second, for all of it or, shape (G,), on an even grid over
     it (Cartesian speed limits come in this way).
     """
-    limits = limits or Limits.of(arm.spec)
+    limits = limits or MotionLimits.of(arm.spec)
     length = float(path.x[-1])
     if length <= 0 or not np.isfinite(length):
         q = path(0.0) if np.isfinite(length) else path.c[-1, 0]
@@ -70,7 +70,7 @@ def time_path(path: Any, arm: Chain, limits: Limits | None = None, rate: Array |
     return Trajectory(even, positions, velocities)
 
 
-def point_to_point(arm: Chain, waypoints: Array, limits: Limits | None = None) -> Trajectory:
+def point_to_point(arm: Chain, waypoints: Array, limits: MotionLimits | None = None) -> Trajectory:
     """The fastest trajectory along the polyline through (M, n) configurations, corners rounded."""
     from gap_motion.planning.paths import polyline, velocity_limits, without_repeats
 
@@ -80,7 +80,7 @@ def point_to_point(arm: Chain, waypoints: Array, limits: Limits | None = None) -
     return time_path(polyline(waypoints, velocity_limits(arm.spec)), arm, limits)
 
 
-def _speeds(path: Any, grid: Array, arm: Chain, limits: Limits, rate: Array | float) -> Array:
+def _speeds(path: Any, grid: Array, arm: Chain, limits: MotionLimits, rate: Array | float) -> Array:
     """Speed along the path at the grid points [1/s], zero at both ends."""
     d1, d2 = path(grid, 1), path(grid, 2)
     tcp = arm.tcp_poses(path(grid))[:, :3, 3]
@@ -144,7 +144,7 @@ def _average(rows: Array, width: int) -> Array:
     return np.asarray((total[width:] - total[:-width]) / width)
 
 
-def _stretch(q: Array, limits: Limits, arm: Chain) -> float:
+def _stretch(q: Array, limits: MotionLimits, arm: Chain) -> float:
     """How much slower the sampled motion must run to be inside every limit; at least 1."""
     tcp = arm.tcp_poses(q[::2])[:, :3, 3]
     travel = np.linalg.norm(np.diff(tcp, axis=0), axis=1) / (2 * FINE)

@@ -14,9 +14,8 @@ from gap_catalogue.robot_control import (
 from gap_motion.arguments import STEP, ArmModel, finite, joints_of, pose_matrix, positive
 from gap_motion.planning import moves
 from gap_motion.planning.multi_arm import move_together, refuse_meeting_others
-from gap_motion.ready import at_rest
-from gap_motion.timing.limits import refuse
-from gap_motion.timing.policy_step import Stream, begin, checked_action, solve, step, to_rest, wants_closed
+from gap_motion.timing.limits import check_trajectory_limits
+from gap_motion.timing.policy_step import PolicyStream, begin, checked_action, solve, step, to_rest, wants_closed
 from gap_motion.timing.timing import PERIOD, point_to_point
 from gap_runtime.contracts.failures import BadRequestError
 from gap_runtime.contracts.tool import ToolContext, serves
@@ -28,11 +27,11 @@ OPENING = 0.02  # a share of the full opening that is worth a command to the gri
 @serves(GoToPoseArm)
 def go_to_pose_arm(ctx: ToolContext, request: GoToPoseArm) -> None:
     cell = ArmModel.of(ctx, request.arm_id)
-    target = cell.last_frame(pose_matrix(request.pose, "pose"), request.tcp_offset)
+    target = cell.last_joint_frame(pose_matrix(request.pose, "pose"), request.tcp_offset)
     back = _approach(request.z_approach)
-    start = at_rest(cell)
+    start = cell.wait_until_settled()
     trajectory = moves.to_pose(cell, start, target, back)
-    refuse(cell, trajectory, ctx.task, start)
+    check_trajectory_limits(cell, trajectory, ctx.task, start)
     refuse_meeting_others(ctx, cell, trajectory)
     ctx.raise_if_cancelled()
     if trajectory.duration > 0:
@@ -43,13 +42,16 @@ def go_to_pose_arm(ctx: ToolContext, request: GoToPoseArm) -> None:
 def go_to_pose_both(ctx: ToolContext, request: GoToPoseBoth) -> None:
     cells = [ArmModel.of(ctx, 0), ArmModel.of(ctx, 1)]
     targets = [
-        cell.last_frame(pose_matrix(pose, what), request.tcp_offset)
+        cell.last_joint_frame(pose_matrix(pose, what), request.tcp_offset)
         for cell, pose, what in zip(
             cells, (request.pose_arm0, request.pose_arm1), ("pose_arm0", "pose_arm1"), strict=True
         )
     ]
     back = _approach(request.z_approach)
-    planned = [moves.to_pose(cell, at_rest(cell), target, back) for cell, target in zip(cells, targets, strict=True)]
+    planned = [
+        moves.to_pose(cell, cell.wait_until_settled(), target, back)
+        for cell, target in zip(cells, targets, strict=True)
+    ]
     move_together(ctx, cells, planned, 0.01)
 
 
@@ -64,7 +66,7 @@ def move_to_joints_both(ctx: ToolContext, request: MoveToJointsBoth) -> None:
     ]
     near = positive(request.tolerance, "tolerance")
     planned = [
-        moves.within_steps(point_to_point(cell.chain, np.stack([at_rest(cell), goal])), request.max_steps)
+        moves.within_steps(point_to_point(cell.chain, np.stack([cell.wait_until_settled(), goal])), request.max_steps)
         for cell, goal in zip(cells, goals, strict=True)
     ]
     move_together(ctx, cells, planned, near)
@@ -76,11 +78,11 @@ def apply_policy_action(ctx: ToolContext, request: ApplyPolicyAction) -> None:
     cell = ArmModel.of(ctx, request.arm_id)
     key, grip = f"policy_stream:{request.arm_id}", f"policy_grip:{request.arm_id}"
     stream = ctx.state.get(key)
-    if not isinstance(stream, Stream) or not stream.goes_on(cell.arm.setpoint()):
+    if not isinstance(stream, PolicyStream) or not stream.goes_on(cell.arm.setpoint()):
         cell.arm.finish()
         stream = begin(cell)
     stream = step(cell, stream, values)
-    ctx.state[key] = Stream(stream.target, _send_on(ctx, cell, stream.goal))
+    ctx.state[key] = PolicyStream(stream.target, _send_on(ctx, cell, stream.goal))
     closed = wants_closed(values)
     if closed is not None and ctx.state.get(grip) != closed:
         (cell.arm.gripper.close if closed else cell.arm.gripper.open)(wait=False)
@@ -97,7 +99,7 @@ def execute_action_chunk(ctx: ToolContext, request: ExecuteActionChunk) -> None:
         if chunk.joints is not None:
             goal = joints_of(JointState(chunk.joints[i]), cell.spec, f"chunk.joints[{i}]")
         else:
-            goal = solve(cell, cell.last_frame(pose_matrix(chunk.poses[i], f"chunk.poses[{i}]"), None), seed)
+            goal = solve(cell, cell.last_joint_frame(pose_matrix(chunk.poses[i], f"chunk.poses[{i}]"), None), seed)
         _send_on(ctx, cell, goal)
         if opening is not None and abs(opening[i] - ctx.state.get(key, np.inf)) > OPENING:
             cell.arm.gripper.set_width(float(opening[i]) * cell.spec.gripper.max_width, wait=False)
@@ -109,7 +111,7 @@ def _send_on(ctx: ToolContext, cell: ArmModel, goal: Array) -> Array:
     """Send the arm on to `goal` (n,) from the motion it is in; returns where that motion ends."""
     now = cell.arm.setpoint()
     trajectory = to_rest(cell, now, goal)
-    refuse(cell, trajectory, ctx.task, now.positions, now)
+    check_trajectory_limits(cell, trajectory, ctx.task, now.positions, now)
     refuse_meeting_others(ctx, cell, moves.sampled(trajectory, PERIOD))
     ctx.raise_if_cancelled()
     cell.arm.start(trajectory, replace=True)

@@ -14,7 +14,7 @@ from gap_runtime.contracts.types import JointState
 @serves(PyrokiSolveIK)
 def solve_ik(ctx: ToolContext, request: PyrokiSolveIK) -> NearestIkSolution:
     cell = ArmModel.of(ctx, 0)
-    target = cell.last_frame(
+    target = cell.last_joint_frame(
         pose_matrix(request.target_pose, "target_pose"), request.tcp_offset, request.target_link_name
     )
     seed = cell.joints() if request.prev_config is None else joints_of(request.prev_config, cell.spec, "prev_config")
@@ -27,11 +27,11 @@ def plan_linear(ctx: ToolContext, request: PyrokiPlanLinear) -> TcpLine:
     if not 2 <= request.num_waypoints <= 1000:
         raise BadRequestError("range", f"num_waypoints must be 2 to 1000, got {request.num_waypoints}.")
     first, last = (
-        cell.last_frame(pose_matrix(pose, what))
+        cell.last_joint_frame(pose_matrix(pose, what))
         for pose, what in ((request.start_pose, "start_pose"), (request.end_pose, "end_pose"))
     )
     start = nearest(cell.chain, first, cell.joints(), "start_pose")
-    planned = moves.straight(cell, start, last, request.num_waypoints)
+    planned = moves.cartesian_line(cell, start, last, request.num_waypoints)
     return TcpLine(moves.sampled(planned, positive(request.dt, "dt")), True)
 
 

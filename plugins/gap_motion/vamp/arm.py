@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from gap_catalogue.shared.robot_chain import Chain
-from gap_motion.failures import joint_range
-from gap_motion.kinematics.damped_least_squares import spread
+from gap_catalogue.shared.robot_chain import Chain, joint_range
+from gap_motion.kinematics.damped_least_squares import halton_seeds
 from gap_runtime.contracts.failures import ToolError
 from gap_runtime.contracts.types import Array
 
@@ -77,7 +76,7 @@ def vamp_arm(chain: Chain) -> VampArm:
 
 def _tip(chain: Chain, module: Any) -> Array | None:
     """T_last_tip of a model whose tip is where the chain's last joint takes it in every configuration, else None."""
-    q = spread(*joint_range(chain.spec), LOOKED_AT)
+    q = halton_seeds(*joint_range(chain.spec), LOOKED_AT)
     tips = np.array([np.asarray(module.eefk(floats(row)), dtype=float) for row in q])
     behind = np.linalg.inv(chain.frames(q)[-1]) @ tips
     if np.abs(behind - behind[0]).max() > SAME:

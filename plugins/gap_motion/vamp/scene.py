@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from gap_motion.collision.primitives import Primitives
+from gap_motion.collision.primitives import PrimitiveScene
 from gap_runtime.contracts.types import Array
 
 
-def environment(scene: Primitives, vamp: Any, margin: float) -> Any:
+def environment(scene: PrimitiveScene, vamp: Any, margin: float) -> Any:
     """VAMP's own scene, everything grown by `margin`."""
     out = vamp.Environment()
     angles = euler_xyz(np.array([box.turn.T for box in scene.boxes]).reshape(-1, 3, 3))

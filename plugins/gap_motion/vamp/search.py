@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from gap_motion.collision.checker import Checker
-from gap_motion.collision.primitives import Primitives
-from gap_motion.failures import joint_range
-from gap_motion.kinematics.robot_model import Part
-from gap_motion.planning.motion_validator import Edges
-from gap_motion.planning.planning_scene import Situation
+from gap_catalogue.shared.robot_chain import joint_range
+from gap_motion.collision.checker import CollisionChecker
+from gap_motion.collision.primitives import PrimitiveScene
+from gap_motion.kinematics.robot_model import LinkSpheres
+from gap_motion.planning.motion_validator import MotionValidator
+from gap_motion.planning.planning_scene import PlanningScene
 from gap_motion.vamp.arm import EMBEDDED, VampArm, floats, library, vamp_arm
 from gap_motion.vamp.scene import environment
 from gap_runtime.contracts.failures import PlanningError
@@ -33,20 +33,20 @@ class VampSearch:
     (`unsupported`).
     """
 
-    held: tuple[Part, ...] = ()
+    held: tuple[LinkSpheres, ...] = ()
     improve: bool = False
 
     @classmethod
-    def of(cls, situation: Situation, improve: bool = False) -> VampSearch:
-        """For a request's situation."""
-        return cls(situation.body.parts[situation.held_from :], improve)
+    def of(cls, scene: PlanningScene, improve: bool = False) -> VampSearch:
+        """For a request's planning scene."""
+        return cls(scene.body.parts[scene.held_from :], improve)
 
-    def __call__(self, checker: Checker, start: Array, goals: Array, seed: int) -> Array:
+    def __call__(self, checker: CollisionChecker, start: Array, goals: Array, seed: int) -> Array:
         """Waypoints (M, n) from start (n,) to one of goals (G, n).
 
         Raises `PlanningError` (`in_collision`, `no_path`), and as `vamp_arm`.
         """
-        arm, edges = vamp_arm(checker.chain), Edges(checker)
+        arm, edges = vamp_arm(checker.chain), MotionValidator(checker)
         goals = self._standing(arm, start, goals)
         rng = arm.module.halton()
         rng.skip(int(np.random.SeedSequence(seed).generate_state(1)[0]) % OFFSETS)
@@ -94,21 +94,21 @@ class VampSearch:
                 return better
         return arm.module.rrtc(*ends, world, trees, rng)
 
-    def _world(self, arm: VampArm, checker: Checker, stands: list[Array], margin: float) -> Any:
+    def _world(self, arm: VampArm, checker: CollisionChecker, stands: list[Array], margin: float) -> Any:
         """VAMP's scene, which gives way to its model where the arm may certainly stand."""
-        scene = Primitives.of(checker)
-        scene.clear(arm.spheres(stands[0])[arm.fixed], margin, aside=0.0)
+        scene = PrimitiveScene.of(checker)
+        scene.clear_start_contacts(arm.spheres(stands[0])[arm.fixed], margin, aside=0.0)
         for q in stands:
-            scene.clear(arm.spheres(q)[~arm.fixed], margin)
+            scene.clear_start_contacts(arm.spheres(q)[~arm.fixed], margin)
             if self.held:
-                scene.clear(self._held_at(checker, q), margin)
+                scene.clear_start_contacts(self._held_at(checker, q), margin)
         vamp = library()
         out = environment(scene, vamp, margin)
         if self.held:
             out.attach(self._attachment(vamp, arm))
         return out
 
-    def _held_at(self, checker: Checker, q: Array) -> Array:
+    def _held_at(self, checker: CollisionChecker, q: Array) -> Array:
         """What is held, at a configuration (n,): rows of centre and radius (S, 4) in the base frame."""
         T = checker.chain.frames(q)[-1, 0]
         rows = [np.column_stack([part.centers @ T[:3, :3].T + T[:3, 3], part.radii]) for part in self.held]
@@ -123,7 +123,7 @@ class VampSearch:
         return out
 
 
-def _within(checker: Checker, arm: VampArm, path: Any, world: Any, rng: Any) -> Array | None:
+def _within(checker: CollisionChecker, arm: VampArm, path: Any, world: Any, rng: Any) -> Array | None:
     """The path moved inside our joint limits, which are narrower, and simplified; None where it is not free then."""
     rows, limits = path.numpy(), joint_range(checker.chain.spec)
     inside = np.clip(rows, *limits)

@@ -20,7 +20,7 @@ def plan_to_grasp_poses(ctx: ToolContext, request: PlanToGraspPoses) -> GraspMot
 @serves(PlanToPose, provider="vamp")
 def plan_to_pose(ctx: ToolContext, request: PlanToPose) -> MotionPlan:
     """The path is VAMP's."""
-    return pose_plan(ctx, request, lambda situation: VampSearch.of(situation, request.improve))
+    return pose_plan(ctx, request, lambda scene: VampSearch.of(scene, request.improve))
 
 
 @serves(PlanWithGraspedObject, provider="vamp")

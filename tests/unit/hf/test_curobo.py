@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 from gap_catalogue.shared import research_packages as published
 from gap_catalogue.shared.robot_chain import chain
 from gap_motion.bench.problems import free_space
-from gap_motion.bench.verify import Judge
+from gap_motion.bench.verify import TrajectoryVerifier
 from gap_motion.curobo import search as curobo_search
 from gap_motion.planning.free_motion import timed
-from gap_motion.planning.motion_validator import Edges
+from gap_motion.planning.motion_validator import MotionValidator
 from gap_motion.planning.planner import plan
 from gap_robots.panda import panda
 from gap_runtime.contracts.failures import PlanningError, ToolError
@@ -38,7 +38,7 @@ def _fresh():
 @pytest.fixture(scope="module")
 def hard():
     """A problem that needs a detour, and a path that is one."""
-    problem = next(p for p in free_space(PANDA, 60, seed=3) if not Edges(p.checker).free(p.start, p.goals[0]))
+    problem = next(p for p in free_space(PANDA, 60, seed=3) if not MotionValidator(p.checker).free(p.start, p.goals[0]))
     return problem, plan(problem.checker, problem.start, problem.goals, 1).waypoints
 
 
@@ -120,7 +120,7 @@ def test_its_path_is_taken_shortened_and_ends_where_asked(curobo, hard):
     problem, way = hard
     curobo([dense(way)])
     rows = search(problem)
-    assert len(rows) <= len(way) and Edges(problem.checker).path_free(rows)
+    assert len(rows) <= len(way) and MotionValidator(problem.checker).path_free(rows)
     np.testing.assert_allclose(rows[0], problem.start)
     np.testing.assert_allclose(rows[-1], problem.goals[0])
 
@@ -130,7 +130,7 @@ def test_a_timed_motion_comes_of_it(curobo, hard):
     curobo([dense(way)])
     path = plan(problem.checker, problem.start, problem.goals, search=curobo_search.search)
     trajectory = timed(problem.checker, path.waypoints)
-    assert trajectory is not None and Judge(PANDA, problem.shapes).judge(trajectory).clean
+    assert trajectory is not None and TrajectoryVerifier(PANDA, problem.shapes).judge(trajectory).clean
     np.testing.assert_allclose(trajectory.positions[[0, -1]], [problem.start, problem.goals[path.goal]], atol=1e-6)
 
 
@@ -168,7 +168,7 @@ def test_its_world_is_ours_in_the_arms_base_frame(curobo, k):
     seen = curobo([None])
     with pytest.raises(PlanningError):
         search(problem)
-    scene, base = problem.checker.scene, np.asarray(problem.checker.base)
+    scene, base = problem.checker.world, np.asarray(problem.checker.base)
     (boxes,) = seen.worlds
     assert len(boxes) == len(scene.names)
     for box, center, half in zip(boxes, scene.centers, scene.half + scene.rounding[:, None], strict=True):
@@ -179,7 +179,7 @@ def test_its_world_is_ours_in_the_arms_base_frame(curobo, k):
 
 def test_its_world_gives_way_where_its_arm_stands(curobo):
     problem = free_space(PANDA, 2, seed=3)[1]
-    scene, base = problem.checker.scene, np.asarray(problem.checker.base)
+    scene, base = problem.checker.world, np.asarray(problem.checker.base)
     touched = (scene.centers[0] - base[:3, 3]) @ base[:3, :3]
     seen = curobo([None], spheres=[(*touched, 0.01)])
     with pytest.raises(PlanningError):

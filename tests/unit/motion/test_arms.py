@@ -5,8 +5,8 @@ import pytest
 
 from gap_motion.arguments import ArmModel
 from gap_motion.planning.multi_arm import in_step, refuse_meeting
-from gap_motion.planning.planning_scene import Situation
-from gap_motion.timing.timing import Limits, point_to_point
+from gap_motion.planning.planning_scene import PlanningScene
+from gap_motion.timing.timing import MotionLimits, point_to_point
 from gap_runtime.contracts.arm import Setpoint
 from gap_runtime.contracts.failures import BadRequestError, MotionError, PlanningError
 from gap_runtime.contracts.types import ActionChunk, JointState, Quaternion, Se3Pose, Vec3
@@ -39,7 +39,7 @@ def test_motions_in_step_end_together_inside_the_limits(spec, arm):
     a, b = in_step([short, long])
     np.testing.assert_array_equal(a.times, b.times)
     np.testing.assert_allclose(a.positions[[0, -1]], short.positions[[0, -1]], atol=1e-9)
-    limits = Limits.of(spec, 1.0, 1.0)
+    limits = MotionLimits.of(spec, 1.0, 1.0)
     assert (np.abs(a.velocities) <= limits.velocity).all() and (np.abs(b.velocities) <= limits.velocity).all()
 
 
@@ -100,10 +100,10 @@ def test_where_another_arm_is_going_counts_too(beside):
 
 def test_a_planner_sees_another_arm_where_it_is_and_where_it_is_going(beside):
     arm = beside.arms[1]
-    standing = Situation.of(beside.context, ALONE).scene
+    standing = PlanningScene.of(beside.context, ALONE).world
     assert all(name.startswith("arm:1:") for name in standing.names)
     arm.setpoint = lambda: Setpoint(arm.q, arm.q * 0, arm.q * 0, arm.q - np.pi / 2 * np.eye(arm.spec.dof)[0])
-    going = Situation.of(beside.context, ALONE).scene
+    going = PlanningScene.of(beside.context, ALONE).world
     assert len(going.names) == 2 * len(standing.names) == 2 * len(arm.spec.spheres)
 
 

@@ -81,13 +81,13 @@ def test_planning_twice_gives_the_same_bytes(cell, start, table, grasp):
 def test_a_wall_is_gone_around(cell, start, tcp):
     goal = shifted(tcp, y=0.3)
     wall = WorldConfig((block("wall", shifted(tcp, y=0.15), (0.12, 0.02, 0.12)),))
-    straight = cell.call(
+    cartesian_line = cell.call(
         "curobo.PlanLinear", start_pose=tcp, end_pose=goal, start_joint_position=start, world_config=wall
     )
     assert (
-        not straight.success
-        and straight.failure_reason.startswith("in_collision")
-        and "wall" in straight.failure_reason
+        not cartesian_line.success
+        and cartesian_line.failure_reason.startswith("in_collision")
+        and "wall" in cartesian_line.failure_reason
     )
     around = cell.call("curobo.PlanToPose", target_pose=goal, start_joint_position=start, world_config=wall)
     verdict = cell.call("curobo.ValidateJointTrajectoryRobot", world_config=wall, trajectory=around.trajectory)

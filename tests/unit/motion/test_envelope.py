@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from gap_motion.arguments import ArmModel
-from gap_motion.timing.limits import refuse, workspace_excess
+from gap_motion.timing.limits import check_trajectory_limits, workspace_excess
 from gap_motion.timing.timing import point_to_point
 from gap_runtime.contracts.failures import MotionError
 from gap_runtime.contracts.types import Trajectory
@@ -18,14 +18,14 @@ def planned(cell):
 
 def why(here, trajectory, cell):
     with pytest.raises(MotionError) as error:
-        refuse(here, trajectory, cell.context.task, here.joints())
+        check_trajectory_limits(here, trajectory, cell.context.task, here.joints())
     assert error.value.code == "refused"
     return error.value.detail["why"]
 
 
 def test_a_planned_motion_passes(planned, cell):
     here, trajectory = planned
-    refuse(here, trajectory, cell.context.task, here.joints())
+    check_trajectory_limits(here, trajectory, cell.context.task, here.joints())
 
 
 def test_not_a_number_is_refused(planned, cell):
@@ -66,4 +66,4 @@ def test_coming_back_into_the_workspace_is_allowed(planned, cell):
     cell.context.task.environment.workspace = (tuple(end - 0.02), tuple(end + 0.02))
     excess = workspace_excess(here, t.positions, cell.context.task)
     assert excess[0] > 0 and excess[-1] == 0
-    refuse(here, t, cell.context.task, here.joints())
+    check_trajectory_limits(here, t, cell.context.task, here.joints())

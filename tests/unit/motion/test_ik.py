@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from gap_motion.failures import joint_range
+from gap_catalogue.shared.robot_chain import joint_range
 from gap_motion.kinematics import ik
-from gap_motion.kinematics.damped_least_squares import descend, spread
+from gap_motion.kinematics.damped_least_squares import damped_least_squares, halton_seeds
 from gap_runtime.contracts.failures import PlanningError
 from tests.unit.motion.conftest import random_joints
 
@@ -44,7 +44,7 @@ def test_every_branch_reaches_the_pose(spec, arm):
 def test_descent_agrees_with_forward_kinematics_and_stays_inside(spec, arm):
     q = random_joints(spec, 30)
     T = last_frames(arm, q)
-    found = descend(arm, T, q + 0.1, joint_range(spec))
+    found = damped_least_squares(arm, T, q + 0.1, joint_range(spec))
     solved = ~np.isnan(found).any(axis=1)
     assert solved.mean() > 0.9 and ik.inside(arm, found[solved]).all()
     np.testing.assert_allclose(last_frames(arm, found[solved]), T[solved], atol=2e-4)
@@ -52,9 +52,9 @@ def test_descent_agrees_with_forward_kinematics_and_stays_inside(spec, arm):
 
 def test_seeds_fill_the_joint_range_and_do_not_change(spec):
     low, high = joint_range(spec)
-    seeds = spread(low, high, 64)
+    seeds = halton_seeds(low, high, 64)
     assert ((seeds > low) & (seeds < high)).all()
-    np.testing.assert_array_equal(seeds, spread(low, high, 64))
+    np.testing.assert_array_equal(seeds, halton_seeds(low, high, 64))
 
 
 def test_out_of_reach_says_how_far(spec, arm):

@@ -4,7 +4,7 @@ import pytest
 from gap_motion.arguments import ArmModel
 from gap_motion.kinematics import ik
 from gap_motion.planning.line import follow, interpolate, waypoint_count
-from gap_motion.planning.moves import straight, to_pose
+from gap_motion.planning.moves import cartesian_line, to_pose
 from gap_runtime.contracts.failures import PlanningError
 
 
@@ -35,7 +35,7 @@ def test_interpolation_starts_and_ends_where_asked(here):
 @pytest.mark.parametrize("offset", [(0, 0, -0.3), (0.1, 0.1, -0.1), (-0.05, 0.2, 0.0), (0, 0, 0.05)])
 def test_the_tcp_stays_on_the_line(here, offset):
     start, goal = here.joints(), shifted(here, *offset)
-    planned = straight(here, start, here.last_frame(goal))
+    planned = cartesian_line(here, start, here.last_joint_frame(goal))
     T = here.tcp(planned.positions)
     assert distance_from_line(T[:, :3, 3], T[0, :3, 3], goal[:3, 3]) < 1e-3
     np.testing.assert_allclose(T[-1], goal, atol=1e-4)
@@ -43,7 +43,7 @@ def test_the_tcp_stays_on_the_line(here, offset):
 
 
 def test_the_tcp_keeps_to_the_speed_asked_for(here):
-    planned = straight(here, here.joints(), here.last_frame(shifted(here, 0, 0, -0.2)), speed=0.1)
+    planned = cartesian_line(here, here.joints(), here.last_joint_frame(shifted(here, 0, 0, -0.2)), speed=0.1)
     steps = np.linalg.norm(np.diff(here.tcp(planned.positions)[:, :3, 3], axis=0), axis=1)
     assert steps.max() / (planned.times[1] - planned.times[0]) <= 0.101
 
@@ -63,13 +63,13 @@ def test_an_upright_upper_arm_is_passed_through(robot):
 
 def test_a_line_that_leaves_the_reach_names_the_waypoint(here):
     with pytest.raises(PlanningError) as error:
-        straight(here, here.joints(), here.last_frame(shifted(here, 2.0, 0, 0)))
+        cartesian_line(here, here.joints(), here.last_joint_frame(shifted(here, 2.0, 0, 0)))
     assert error.value.code in {"unreachable", "limits", "no_path"} and error.value.detail["waypoint"] > 0
 
 
 def test_an_approach_ends_with_a_straight_stretch(here):
     goal = shifted(here, 0.05, 0.1, -0.2)
-    planned = to_pose(here, here.joints(), here.last_frame(goal), 0.08)
+    planned = to_pose(here, here.joints(), here.last_joint_frame(goal), 0.08)
     T = here.tcp(planned.positions)
     near = np.linalg.norm(T[:, :3, 3] - goal[:3, 3], axis=1) < 0.06
     assert distance_from_line(T[near, :3, 3], goal[:3, 3], goal[:3, 3] - 0.1 * goal[:3, 2]) < 2e-3

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from gap_motion.bench.problems import cage, checker_among, free_space, groceries
-from gap_motion.bench.verify import Judge
+from gap_motion.bench.verify import TrajectoryVerifier
 from gap_motion.planning.free_motion import to_grasps, to_joints, to_poses
-from gap_motion.planning.motion_validator import Edges
+from gap_motion.planning.motion_validator import MotionValidator
 from gap_motion.planning.planner import plan, shortcut
 from gap_runtime.contracts.failures import PlanningError
 
@@ -17,7 +17,7 @@ def hard():
     def of(spec):
         if spec.name not in made:
             made[spec.name] = next(
-                p for p in free_space(spec, 60, seed=3) if not Edges(p.checker).free(p.start, p.goals[0])
+                p for p in free_space(spec, 60, seed=3) if not MotionValidator(p.checker).free(p.start, p.goals[0])
             )
         return made[spec.name]
 
@@ -29,7 +29,7 @@ def test_a_path_starts_at_the_start_ends_at_a_goal_and_is_free(spec, hard):
     path = plan(problem.checker, problem.start, problem.goals, seed=1)
     np.testing.assert_allclose(path.waypoints[0], problem.start)
     np.testing.assert_allclose(path.waypoints[-1], problem.goals[path.goal])
-    assert len(path.waypoints) > 2 and Edges(problem.checker).path_free(path.waypoints)
+    assert len(path.waypoints) > 2 and MotionValidator(problem.checker).path_free(path.waypoints)
 
 
 def test_same_seed_same_path_another_seed_another(spec, hard):
@@ -60,26 +60,26 @@ def test_the_cage_is_left_and_the_timed_motion_judged_clean(robot):
     spec = robot("panda")
     problem = cage(spec, np.random.default_rng(0))
     found = to_joints(problem.checker, problem.start, problem.goals, 0)
-    assert Judge(spec, problem.shapes).judge(found.trajectory).clean
+    assert TrajectoryVerifier(spec, problem.shapes).judge(found.trajectory).clean
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_timed_motions_are_judged_clean_by_another_checker(spec, seed):
     for problem in free_space(spec, 4, seed=seed + 20)[1:]:
         found = to_joints(problem.checker, problem.start, problem.goals, 0)
-        verdict = Judge(spec, problem.shapes).judge(found.trajectory)
+        verdict = TrajectoryVerifier(spec, problem.shapes).judge(found.trajectory)
         assert verdict.clean and verdict.step < 0.05, verdict
 
 
 def test_a_near_goal_behind_something_is_preferred_to_a_far_one_in_plain_sight(spec, monkeypatch):
     home, turn = np.array(spec.home), np.eye(spec.dof)[0]
     near, far = home + 0.3 * turn, home + 1.8 * turn
-    free = Edges.free
+    free = MotionValidator.free
 
     def with_something_between(self, a, b):
         return free(self, a, b) and not (np.allclose(a, home) and np.allclose(b, near))
 
-    monkeypatch.setattr(Edges, "free", with_something_between)
+    monkeypatch.setattr(MotionValidator, "free", with_something_between)
     found = plan(checker_among(spec, ()), home, np.stack([far, near]))
     assert found.goal == 1 and len(found.waypoints) > 2
     np.testing.assert_allclose(found.waypoints[-1], near)
@@ -88,22 +88,22 @@ def test_a_near_goal_behind_something_is_preferred_to_a_far_one_in_plain_sight(s
 def test_servos_follow_a_planned_motion_closely_and_inside_every_limit(spec):
     problem = free_space(spec, 2, seed=20)[1]
     found = to_joints(problem.checker, problem.start, problem.goals, 0)
-    tracked = Judge(spec, problem.shapes).follow(found.trajectory)
+    tracked = TrajectoryVerifier(spec, problem.shapes).follow(found.trajectory)
     assert not tracked.contacts and tracked.velocity <= 1.0 and tracked.torque <= 1.0
     assert tracked.lag < 2e-3 and tracked.rest_error < 1e-3
 
 
 def test_grasps_are_reached_straight_and_touch_only_the_target(spec):
     problem = groceries(spec, 1, grasps=12)[0]
-    found = to_grasps(problem.situation, problem.start, problem.grasps, 0.08, [problem.target], 0)
-    cell = problem.situation.cell
+    found = to_grasps(problem.scene, problem.start, problem.grasps, 0.08, [problem.target], 0)
+    cell = problem.scene.cell
     way = cell.tcp(found.trajectory.positions)
     end = way[-1]
     back = way[:, :3, 3] - end[:3, 3]
     last = np.flatnonzero(np.linalg.norm(back, axis=1) > 0.06)[-1]  # the straight stretch without its rounded corner
     assert np.linalg.norm(back[last:] - np.outer(back[last:] @ end[:3, 2], end[:3, 2]), axis=1).max() < 2e-3
     np.testing.assert_allclose(end, cell.base @ problem.grasps[found.pose] @ cell.chain.tcp, atol=1e-3)
-    verdict = Judge(spec, problem.shapes).judge(found.trajectory)
+    verdict = TrajectoryVerifier(spec, problem.shapes).judge(found.trajectory)
     assert all(problem.target in contact for contact in verdict.contacts)
     assert max(verdict.velocity, verdict.acceleration, verdict.jerk, verdict.tcp_speed) <= 1.0
 
@@ -121,7 +121,7 @@ def test_a_start_in_collision_names_the_pair(spec, hard):
 
 def test_shortcuts_keep_the_ends_and_shorten(spec, hard):
     problem = hard(spec)
-    edges = Edges(problem.checker)
+    edges = MotionValidator(problem.checker)
     rows = plan(problem.checker, problem.start, problem.goals, 4).waypoints
     detour = np.concatenate([rows[:1], (rows[:1] + rows[1:2]) / 2, rows])
     short = shortcut(edges, detour, 0)
@@ -132,14 +132,14 @@ def test_shortcuts_keep_the_ends_and_shorten(spec, hard):
 
 def test_poses_out_of_reach_are_told_from_poses_in_collision(spec):
     problem = groceries(spec, 1)[0]
-    cell, situation = problem.situation.cell, problem.situation
+    cell, scene = problem.scene.cell, problem.scene
     far = np.tile(np.eye(4), (1, 1, 1))
     far[0, :3, 3] = [3.0, 0.0, 0.3]
     with pytest.raises(PlanningError) as error:
-        to_poses(situation, problem.start, cell.last_frame(far), 0)
+        to_poses(scene, problem.start, cell.last_joint_frame(far), 0)
     assert error.value.code == "unreachable"
     buried = cell.tcp(problem.start).copy()
     buried[0, :3, 3] = [0.45, 0.0, -0.03]
     with pytest.raises(PlanningError) as error:
-        to_poses(situation, problem.start, cell.last_frame(buried), 0)
+        to_poses(scene, problem.start, cell.last_joint_frame(buried), 0)
     assert error.value.code == "in_collision" and "shape_0" in error.value.detail["pair"]

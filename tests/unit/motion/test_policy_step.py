@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gap_motion.arguments import ArmModel
-from gap_motion.timing.limits import refuse
+from gap_motion.timing.limits import check_trajectory_limits
 from gap_motion.timing.policy_step import MOST_LAG, begin, step, to_rest
 from gap_runtime.contracts.arm import Setpoint
 from gap_runtime.contracts.failures import MotionError
@@ -40,7 +40,7 @@ def test_what_is_sent_goes_on_from_the_motion_and_passes_the_filter(cell, spec):
     goal = step(here, begin(here), ACTION).goal
     still = cell.arm.setpoint()
     first = to_rest(here, still, goal)
-    refuse(here, first, cell.context.task, still.positions, still)
+    check_trajectory_limits(here, first, cell.context.task, still.positions, still)
     k = len(first.times) // 3
     dt = first.times[1]
     moving = Setpoint(
@@ -48,9 +48,9 @@ def test_what_is_sent_goes_on_from_the_motion_and_passes_the_filter(cell, spec):
     )
     onward = to_rest(here, moving, step(here, begin(here), 2 * ACTION).goal)
     np.testing.assert_allclose(onward.velocities[0], moving.velocities, atol=1e-6)
-    refuse(here, onward, cell.context.task, moving.positions, moving)
+    check_trajectory_limits(here, onward, cell.context.task, moving.positions, moving)
     with pytest.raises(MotionError) as error:
-        refuse(here, onward, cell.context.task, moving.positions)
+        check_trajectory_limits(here, onward, cell.context.task, moving.positions)
     assert error.value.detail["why"] == "rate"
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gap_motion.collision.checker import Checker
-from gap_motion.collision.world import VOXEL, make_scene, with_spheres
-from gap_motion.kinematics.robot_model import make_body
+from gap_motion.collision.checker import CollisionChecker
+from gap_motion.collision.world import VOXEL, make_world, with_spheres
+from gap_motion.kinematics.robot_model import collision_model
 from gap_runtime.contracts.failures import BadRequestError
 from gap_runtime.contracts.types import Obstacle, OrientedBoundingBox, Quaternion, Vec3, WorldConfig
 from tests.unit.motion.conftest import random_joints
@@ -37,8 +37,8 @@ def mesh(half, triangles=FACES, rotation=LEVEL):
     return Obstacle("mesh", bounds(half, rotation), CENTER + CORNERS * half @ turn.T, triangles)
 
 
-def scene_of(*obstacles):
-    return make_scene(WorldConfig(obstacles))
+def world_of(*obstacles):
+    return make_world(WorldConfig(obstacles))
 
 
 @pytest.mark.parametrize("rotation", [LEVEL, TURNED])
@@ -47,13 +47,13 @@ def test_a_cylinder_is_as_far_as_geometry_says(rotation):
     local = (points - CENTER) @ rotation.rotation.as_matrix()
     beyond = np.stack([np.hypot(local[:, 0], local[:, 1]) - RADIUS, np.abs(local[:, 2]) - HALF])
     truth = np.linalg.norm(np.maximum(beyond, 0), axis=0) + np.minimum(beyond.max(axis=0), 0)
-    found = scene_of(can(rotation)).box_distance(points[None].astype(np.float32), np.array([0]))[0]
+    found = world_of(can(rotation)).box_distance(points[None].astype(np.float32), np.array([0]))[0]
     np.testing.assert_allclose(found, truth, atol=1e-5)
 
 
 def test_boxes_and_spheres_beside_a_cylinder_stay_what_they_are():
-    alone = scene_of(Obstacle("box", bounds((0.1, 0.05, 0.02), TURNED)))
-    with_can = scene_of(Obstacle("box", bounds((0.1, 0.05, 0.02), TURNED)), can())
+    alone = world_of(Obstacle("box", bounds((0.1, 0.05, 0.02), TURNED)))
+    with_can = world_of(Obstacle("box", bounds((0.1, 0.05, 0.02), TURNED)), can())
     points = (CENTER + RNG.uniform(-0.3, 0.3, (1, 100, 3))).astype(np.float32)
     box = np.array([0])
     np.testing.assert_array_equal(alone.box_distance(points, box), with_can.box_distance(points, box))
@@ -63,17 +63,17 @@ def test_boxes_and_spheres_beside_a_cylinder_stay_what_they_are():
 
 
 def test_beside_a_cylinder_is_room_that_its_box_takes(spec, arm):
-    body, q = make_body(arm, spec.gripper.max_width), random_joints(spec, 300)
+    body, q = collision_model(arm, spec.gripper.max_width), random_joints(spec, 300)
     box = Obstacle("box", bounds((0.25, 0.25, HALF)))
     round_one = Obstacle("can", bounds((0.25, 0.25, HALF)), cylinder=True)
-    in_box, in_can = (Checker(arm, np.eye(4), body, scene_of(o)).valid(q) for o in (box, round_one))
+    in_box, in_can = (CollisionChecker(arm, np.eye(4), body, world_of(o)).valid(q) for o in (box, round_one))
     assert not (in_box & ~in_can).any() and (in_can & ~in_box).any()
 
 
 @pytest.mark.parametrize("rotation", [LEVEL, TURNED])
 def test_a_closed_mesh_is_solid_and_no_farther_than_it_is(rotation):
     half = (0.12, 0.08, 0.1)
-    (field,) = scene_of(mesh(half, rotation=rotation)).fields.values()
+    (field,) = world_of(mesh(half, rotation=rotation)).fields.values()
     points = CENTER + RNG.uniform(-0.2, 0.2, (3000, 3))
     local = np.abs((points - CENTER) @ rotation.rotation.as_matrix()) - half
     truth = np.linalg.norm(np.maximum(local, 0), axis=1) + np.minimum(local.max(axis=1), 0)
@@ -84,7 +84,7 @@ def test_a_closed_mesh_is_solid_and_no_farther_than_it_is(rotation):
 
 
 def test_an_open_mesh_is_a_shell():
-    (field,) = scene_of(mesh((0.12, 0.12, 0.1), FACES[:10][[0, 1, 2, 3, 4, 5, 6, 7]])).fields.values()
+    (field,) = world_of(mesh((0.12, 0.12, 0.1), FACES[:10][[0, 1, 2, 3, 4, 5, 6, 7]])).fields.values()
     assert field.distance(CENTER[None])[0] > 0.05
     assert field.distance((CENTER - [0.12, 0, 0])[None])[0] < VOXEL
 
@@ -105,5 +105,5 @@ def test_an_open_mesh_is_a_shell():
 )
 def test_what_is_no_solid_is_refused(obstacle, code, said):
     with pytest.raises(BadRequestError, match=said) as caught:
-        scene_of(obstacle)
+        world_of(obstacle)
     assert caught.value.code == code

@@ -3,14 +3,14 @@ import pytest
 
 from gap_motion.planning.moves import sampled
 from gap_motion.planning.paths import polyline, spline, velocity_limits, without_repeats
-from gap_motion.timing.timing import Limits, point_to_point, time_path
+from gap_motion.timing.timing import MotionLimits, point_to_point, time_path
 from gap_runtime.contracts.types import Trajectory
 from tests.unit.motion.conftest import random_joints
 
 
 def ratios(trajectory, arm):
     """The largest share of each limit, from differences of the samples."""
-    limits, dt = Limits.of(arm.spec, 1.0, 1.0), trajectory.times[1] - trajectory.times[0]
+    limits, dt = MotionLimits.of(arm.spec, 1.0, 1.0), trajectory.times[1] - trajectory.times[0]
     bounds = (limits.velocity, limits.acceleration, limits.jerk)
     found = [
         np.abs(np.diff(trajectory.positions, k + 1, axis=0) / dt ** (k + 1) / b).max() for k, b in enumerate(bounds)

@@ -12,8 +12,8 @@ import pytest
 
 from gap_catalogue.shared.robot_chain import chain, sphere_centers
 from gap_motion.bench.problems import checker_among
-from gap_motion.bench.verify import Shape
-from gap_motion.planning.motion_validator import Edges
+from gap_motion.bench.verify import ObstacleShape
+from gap_motion.planning.motion_validator import MotionValidator
 from gap_motion.planning.planner import plan
 from gap_motion.vamp import arm as arms
 from gap_motion.vamp import tools as vamp_tools
@@ -35,8 +35,8 @@ from tests.unit.motion.vamp_like import straight, vamp_like
 PANDA = REGISTRY.robot("panda")
 HOME = np.array(PANDA.home)
 LEVEL = Quaternion(1.0, 0.0, 0.0, 0.0)
-WALL = Shape((0.45, 0.0, 0.5), (0.02, 0.02, 0.3))
-FLOOR = Shape((0.0, 0.0, -0.51), (1.2, 1.2, 0.5))
+WALL = ObstacleShape((0.45, 0.0, 0.5), (0.02, 0.02, 0.3))
+FLOOR = ObstacleShape((0.0, 0.0, -0.51), (1.2, 1.2, 0.5))
 SERVED = ["curobo.PlanToGraspPoses", "curobo.PlanToPose", "curobo.PlanWithGraspedObject"]
 
 
@@ -141,7 +141,7 @@ def test_a_later_try_may_find_what_an_earlier_one_did_not(vamp, sideways):
     around = plan(checker, start, goals).waypoints
     vamp.panda.answer = lambda *request: around if len(vamp.panda.asked) == 3 else straight(*request)
     path = plan(checker, start, goals, search=VampSearch())
-    assert Edges(checker).path_free(path.waypoints) and len(vamp.panda.asked) == 3
+    assert MotionValidator(checker).path_free(path.waypoints) and len(vamp.panda.asked) == 3
 
 
 def test_no_path_at_all_is_said_at_once(vamp, sideways):
@@ -176,7 +176,7 @@ def test_what_only_its_fatter_model_touches_gives_way(vamp, sideways):
     start, goals = sideways
     places = sphere_centers(PANDA, start) - np.array([[0, 0, s.radius] for s in PANDA.spheres])
     x, y, z = places[[s.link == "panda_leftfinger" for s in PANDA.spheres]].min(axis=0)
-    checker = checker_among(PANDA, [Shape((x, y, z - 0.06), (0.05, 0.05, 0.05))])
+    checker = checker_among(PANDA, [ObstacleShape((x, y, z - 0.06), (0.05, 0.05, 0.05))])
     vamp.panda.fat = 0.02
     plan(checker, start, goals, search=VampSearch())
     world = vamp.panda.asked[0].cell

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from gap_catalogue.shared.robot_chain import chain
 from gap_motion.bench.problems import cage, free_space
-from gap_motion.collision.primitives import Box, Primitives
-from gap_motion.planning.motion_validator import Edges
+from gap_motion.collision.primitives import Box, PrimitiveScene
+from gap_motion.planning.motion_validator import MotionValidator
 from gap_motion.planning.planner import plan
 from gap_motion.vamp.arm import installed, library, vamp_arm
 from gap_motion.vamp.scene import environment
@@ -24,7 +24,7 @@ PANDA = REGISTRY.robot("panda")
 @pytest.fixture(scope="module")
 def hard():
     """Problems that need a detour."""
-    return [p for p in free_space(PANDA, 25, seed=3) if not Edges(p.checker).free(p.start, p.goals[0])][:8]
+    return [p for p in free_space(PANDA, 25, seed=3) if not MotionValidator(p.checker).free(p.start, p.goals[0])][:8]
 
 
 def test_its_panda_is_ours_to_the_micrometre():
@@ -39,7 +39,7 @@ def test_it_reads_a_scene_as_its_stand_in_of_these_tests_does():
     arm = vamp_arm(chain(PANDA))
     turn = Rotation.from_euler("xyz", [0.4, -0.7, 1.1]).as_matrix()
     boxes = [Box(np.array([0.4, 0.2, 0.5]), turn, np.array([0.2, 0.15, 0.05]))]
-    scene = Primitives(boxes, np.array([[-0.3, 0.2, 0.7, 0.1]]))
+    scene = PrimitiveScene(boxes, np.array([[-0.3, 0.2, 0.7, 0.1]]))
     theirs, ours = (environment(scene, module, 0.01) for module in (library(), vamp_like))
     alone = library().Environment()
     q = [row for row in random_joints(PANDA, 400) if arm.module.validate(row.tolist(), alone)]
@@ -54,7 +54,7 @@ def test_detours_are_free_and_repeat(hard):
         rows = [plan(problem.checker, problem.start, problem.goals, 5, search=VampSearch()).waypoints for _ in range(2)]
         np.testing.assert_array_equal(rows[0], rows[1])
         np.testing.assert_array_equal(rows[0][[0, -1]], [problem.start, problem.goals[0]])
-        assert Edges(problem.checker).path_free(rows[0])
+        assert MotionValidator(problem.checker).path_free(rows[0])
 
 
 def test_another_seed_gives_another_path(hard):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gap_catalogue.shared.robot_chain import chain
-from gap_motion.planning.planning_scene import Situation
+from gap_motion.planning.planning_scene import PlanningScene
 from gap_runtime.contracts.failures import PlanningError
 from gap_runtime.contracts.types import Se3Pose, Trajectory, Vec3, WorldConfig
 from tests.unit.motion.conftest import ALONE
@@ -79,7 +79,7 @@ def test_a_trajectory_that_leaves_it_is_told_with_the_waypoint(cell, box):
 def test_one_check_and_many_agree(cell, box):
     box(0.1, 0.1, 0.1)
     start = cell.arm.state().joints.positions
-    checker = Situation.of(cell.context, ALONE).checker(start)
+    checker = PlanningScene.of(cell.context, ALONE).checker(start)
     q = start + np.random.default_rng(0).normal(0.0, 0.15, (50, len(start)))
     valid = checker.valid(q)
     assert valid.any() and not valid.all()
