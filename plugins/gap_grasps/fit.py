@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 
 from gap_catalogue.shared.hand import Hand
-from gap_grasps.bench.execution import Ranked, Seen, was_tried
+from gap_grasps.bench.execution import Ranked, SeenObject, was_tried
 from gap_grasps.bench.run import HELD_OUT, UNSHARED, GraspJob, Row, jobs, measured, rows_of
 from gap_grasps.bench.sampling import pool_of
 from gap_grasps.calibration import FILE
 from gap_grasps.generate import prepare
 from gap_grasps.pose_error import DECLARED
 from gap_grasps.reliability import Bin, auc, bins, ranking
-from gap_grasps.robustness import Measures, measure
+from gap_grasps.robustness import Measures, misplacement_robustness
 from gap_grasps.support import support_below
 from gap_runtime.contracts.bench import BenchContext, BenchReport, Table
 from gap_runtime.contracts.failures import BadRequestError
@@ -69,18 +69,18 @@ def fit_rows(bench: BenchContext, job: GraspJob) -> list[Row]:
     return found
 
 
-def unweighted_pool(cell: StandaloneContext, seen: Seen) -> Ranked:
+def unweighted_pool(cell: StandaloneContext, seen: SeenObject) -> Ranked:
     """The pool with the product of the measures for a score, so that no earlier fit has a say in what is drawn."""
     ranked = pool_of(cell, seen)
     worth = np.prod(np.stack(_measures(cell, seen, [pose for pose, _ in ranked])), axis=0) if ranked else []
     return [(pose, float(w)) for (pose, _), w in zip(ranked, worth, strict=True)]
 
 
-def _measures(cell: StandaloneContext, seen: Seen, poses: Sequence[Se3Pose]) -> Measures:
+def _measures(cell: StandaloneContext, seen: SeenObject, poses: Sequence[Se3Pose]) -> Measures:
     rng = np.random.default_rng([cell.seed, len(seen.target)])
     floor = support_below(cell, seen.target)
     T = np.array([pose.matrix for pose in poses]).reshape(-1, 4, 4)
-    return measure(prepare(seen.target, floor, rng), T, Hand.of(cell.robot()), floor)
+    return misplacement_robustness(prepare(seen.target, floor, rng), T, Hand.of(cell.robot()), floor)
 
 
 def calibration_of(rows: list[Row]) -> tuple[dict[str, Any], list[Bin]]:

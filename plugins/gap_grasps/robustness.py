@@ -39,7 +39,7 @@ class Measures(NamedTuple):
     leverage: Array
 
 
-def measure(
+def misplacement_robustness(
     surface: Surface, T: Array, hand: Hand, floor: float | None, obstacles: Array | None = None,
     error: PoseError = DECLARED,
 ) -> Measures:  # fmt: skip

@@ -6,7 +6,7 @@ import numpy as np
 
 from gap_catalogue.shared.hand import Hand
 from gap_grasps.calibration import fitted
-from gap_grasps.robustness import measure
+from gap_grasps.robustness import misplacement_robustness
 from gap_grasps.surface import Surface
 from gap_runtime.contracts.types import Array
 
@@ -22,4 +22,4 @@ def score_poses(
     """
     if not len(T_tcp):
         return np.zeros(0)
-    return np.round(fitted().chance(measure(surface, T_tcp, hand, floor, obstacles)), DIGITS)
+    return np.round(fitted().chance(misplacement_robustness(surface, T_tcp, hand, floor, obstacles)), DIGITS)

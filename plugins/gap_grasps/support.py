@@ -37,7 +37,7 @@ def plane_around(scene: Array, target: Array, rng: np.random.Generator) -> Array
 
     Random sample consensus (Fischler and Bolles 1981) over what lies beside the target, both in the camera frame.
     """
-    beside = others(within(scene, target, AROUND), target, None)
+    beside = obstacle_points(crop_around(scene, target, AROUND), target, None)
     if len(beside) < 50:
         return None
     beside = beside[rng.choice(len(beside), min(SAMPLED, len(beside)), replace=False)]
@@ -59,7 +59,7 @@ def plane_around(scene: Array, target: Array, rng: np.random.Generator) -> Array
     return T
 
 
-def within(scene: Array, target: Array, distance: float) -> Array:
+def crop_around(scene: Array, target: Array, distance: float) -> Array:
     """Scene points (M, 3) in the box around the target, grown by `distance` [m]. What is not finite is nowhere."""
     inside = np.ones(len(scene), dtype=bool)
     for axis in range(3):
@@ -68,7 +68,7 @@ def within(scene: Array, target: Array, distance: float) -> Array:
     return scene[inside]
 
 
-def others(scene: Array, target: Array, floor: float | None) -> Array:
+def obstacle_points(scene: Array, target: Array, floor: float | None) -> Array:
     """Scene points near the target that are neither its own nor the support's, one per `COARSE` cell, (M, 3)."""
     target = target[np.isfinite(target).all(axis=1)]
     scene = scene[np.isfinite(scene).all(axis=1)]
@@ -76,7 +76,7 @@ def others(scene: Array, target: Array, floor: float | None) -> Array:
         scene = scene[scene[:, 2] > floor + SUPPORT_MARGIN]
     if not len(scene) or not len(target):
         return scene
-    scene = within(scene, target, NEARBY)
+    scene = crop_around(scene, target, NEARBY)
     if not len(scene):
         return scene
     scene = thinned(scene, COARSE)

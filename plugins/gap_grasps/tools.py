@@ -18,7 +18,7 @@ from gap_catalogue.grasps import (
 from gap_catalogue.shared.hand import Hand, above, clear_of
 from gap_grasps.generate import Grasps, generate, prepare
 from gap_grasps.scoring import score_poses
-from gap_grasps.support import NEARBY, SUPPORT_MARGIN, others, plane_around, support_below, within
+from gap_grasps.support import NEARBY, SUPPORT_MARGIN, crop_around, obstacle_points, plane_around, support_below
 from gap_runtime.contracts.failures import BadRequestError
 from gap_runtime.contracts.tool import ToolContext, serves
 from gap_runtime.contracts.types import Array, Quaternion, Se3Pose, Vec3
@@ -37,7 +37,7 @@ def plan_from_point_cloud(ctx: ToolContext, request: GraspgenPlanFromPointCloud)
     rng = np.random.default_rng([ctx.seed, len(target)])
     floor = support_below(ctx, target)
     surface = prepare(target, floor, rng, remove_outliers=request.remove_outliers)
-    obstacles = None if scene is None else others(scene.points, target, floor)
+    obstacles = None if scene is None else obstacle_points(scene.points, target, floor)
     found = generate(
         surface, Hand.of(ctx.robot()), rng, count=request.num_grasps, preferred=DOWN, floor=floor, obstacles=obstacles
     )
@@ -89,19 +89,19 @@ def plan_in_scene(ctx: ToolContext, request: M2t2PlanFromPointCloud) -> WorldGra
         count=request.max_grasps,
         preferred=DOWN,
         floor=floor,
-        obstacles=others(points, standing, floor),
+        obstacles=obstacle_points(points, standing, floor),
     )
     return WorldGrasps(*_listed(found, request.max_grasps, request.grasp_threshold))
 
 
 def _in_camera(ctx: ToolContext, full: Array, target: Array, max_retries: int) -> CameraGrasps:
     rng = np.random.default_rng([ctx.seed, len(target)])
-    full = within(full, target, NEARBY) if len(target) else full
+    full = crop_around(full, target, NEARBY) if len(target) else full
     T = plane_around(full, target, rng) if len(target) else None
     T_frame_camera, floor, preferred = (np.eye(4), None, FORWARD) if T is None else (T, 0.0, DOWN)
     full, target = (p @ T_frame_camera[:3, :3].T + T_frame_camera[:3, 3] for p in (full, target))
     surface, hand = prepare(target, floor, rng), Hand.of(ctx.robot())
-    rest = others(full, target, floor)
+    rest = obstacle_points(full, target, floor)
     for _ in range(max(1, max_retries)):
         found = generate(surface, hand, rng, count=200, preferred=preferred, floor=floor, obstacles=rest)
         if len(found.scores):

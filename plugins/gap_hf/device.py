@@ -16,14 +16,14 @@ off by up to 4 px, so these small parts stay in float32."""
 
 
 @dataclass(frozen=True)
-class Placement:
+class ComputeDevice:
     """A torch device and the dtype it computes in."""
 
     device: Any
     dtype: Any
 
 
-def placement() -> Placement:
+def compute_device() -> ComputeDevice:
     """The GPU in bfloat16 (float16 where it has none), else the CPU in float32; the environment may say otherwise.
 
     Raises `ToolError` (`setting`) for a device that is not there.
@@ -45,14 +45,14 @@ def placement() -> Placement:
         )
     chosen = wanted_dtype()
     if chosen:
-        return Placement(device, getattr(torch, chosen))
+        return ComputeDevice(device, getattr(torch, chosen))
     if device.type != "cuda":
-        return Placement(device, torch.float32)
-    return Placement(device, torch.bfloat16 if torch.cuda.is_bf16_supported() else torch.float16)
+        return ComputeDevice(device, torch.float32)
+    return ComputeDevice(device, torch.bfloat16 if torch.cuda.is_bf16_supported() else torch.float16)
 
 
 @contextmanager
-def computing(place: Placement) -> Iterator[None]:
+def computing(place: ComputeDevice) -> Iterator[None]:
     """Compute without gradients; in half precision where the placement says so, the weights staying as they are."""
     import torch
 

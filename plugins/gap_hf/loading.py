@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from gap_hf.device import Placement, computing, keep_exact, placement
+from gap_hf.device import ComputeDevice, compute_device, computing, keep_exact
 from gap_hf.settings import WEIGHTS, example, source, variable
 from gap_runtime.contracts.failures import GapError, ToolError
 
@@ -24,7 +24,7 @@ class Network:
 
     model: Any = field(repr=False)
     processor: Any = field(repr=False)
-    place: Placement
+    place: ComputeDevice
     lock: Any = field(default_factory=threading.Lock, repr=False)
 
     @contextmanager
@@ -57,7 +57,7 @@ def network(
     Raises `ToolError`: `extra` (not installed), `weights` (absent, damaged, of another architecture), `setting`.
     """
     library()
-    place, where = placement(), source(service)
+    place, where = compute_device(), source(service)
     key = (service, architecture, where, str(place.device), str(place.dtype))
     with _LOCK:
         if key not in _LOADED:
@@ -72,7 +72,7 @@ def forget() -> None:
 
 
 def _load(
-    service: str, architecture: str, where: str, place: Placement, prepare: Callable[[str], Any] | str, cast: bool
+    service: str, architecture: str, where: str, place: ComputeDevice, prepare: Callable[[str], Any] | str, cast: bool
 ) -> Network:
     import torch
 

@@ -15,7 +15,7 @@ from gap_grasps.calibration import FILE, Calibration, fitted
 from gap_grasps.fit import chance, logistic
 from gap_grasps.pose_error import DECLARED, PoseError, spread
 from gap_grasps.reliability import auc, bins, ranking
-from gap_grasps.robustness import Measures, measure
+from gap_grasps.robustness import Measures, misplacement_robustness
 from gap_grasps.surface import Surface
 from gap_robots.panda import panda
 from gap_robots.ur5e import ur5e
@@ -46,7 +46,7 @@ def pose(x=0.0, y=0.0, z=0.04, turn=DOWN):
 
 
 def measured(surface, *poses, spec, floor=0.0):
-    return measure(surface, np.array(poses), Hand.of(spec), floor)
+    return misplacement_robustness(surface, np.array(poses), Hand.of(spec), floor)
 
 
 @ROBOTS
@@ -102,7 +102,7 @@ def test_obstacles_count_for_the_hand_but_are_not_held():
     surface = block((0.03, 0.03, 0.06))
     beside = block((0.06, 0.03, 0.06)).points + np.array([0, 0.055, 0])
     args = np.array([pose()]), Hand.of(panda()), 0.0
-    free, met = measure(surface, *args), measure(surface, *args, obstacles=beside)
+    free, met = misplacement_robustness(surface, *args), misplacement_robustness(surface, *args, obstacles=beside)
     assert met.fingers < free.fingers and met.closure == free.closure and met.purchase == free.purchase
 
 

@@ -42,7 +42,7 @@ HALF_TURN = Quaternion(0.0, 0.0, 0.0, 1.0).rotation  # about z: the jaws exchang
 
 
 @dataclass(frozen=True)
-class Seen:
+class SeenObject:
     """What the generators get: the target's cloud, everything seen, the wrist camera's frame and its mask."""
 
     target: Array
@@ -52,10 +52,10 @@ class Seen:
 
 
 Ranked = list[tuple[Se3Pose, float]]
-Generator = Callable[[StandaloneContext, Seen], Ranked]
+Generator = Callable[[StandaloneContext, SeenObject], Ranked]
 
 
-def by_graspgen(cell: StandaloneContext, seen: Seen) -> Ranked:
+def by_graspgen(cell: StandaloneContext, seen: SeenObject) -> Ranked:
     """`graspgen.PlanFromPointCloud` on the target's cloud, clear of the rest."""
     found = cell.tool(
         "graspgen.PlanFromPointCloud", target_cloud=PointCloud(seen.target), scene_cloud=PointCloud(seen.scene)
@@ -63,7 +63,7 @@ def by_graspgen(cell: StandaloneContext, seen: Seen) -> Ranked:
     return list(zip(found.grasp_poses, found.scores, strict=True))
 
 
-def by_m2t2(cell: StandaloneContext, seen: Seen) -> Ranked:
+def by_m2t2(cell: StandaloneContext, seen: SeenObject) -> Ranked:
     """`m2t2.PlanFromPointCloud` on the scene's cloud, with the target's."""
     found = cell.tool(
         "m2t2.PlanFromPointCloud", scene_cloud=PointCloud(seen.scene), target_cloud=PointCloud(seen.target)
@@ -71,7 +71,7 @@ def by_m2t2(cell: StandaloneContext, seen: Seen) -> Ranked:
     return list(zip(found.grasp_poses, found.scores, strict=True))
 
 
-def by_graspnet(cell: StandaloneContext, seen: Seen) -> Ranked:
+def by_graspnet(cell: StandaloneContext, seen: SeenObject) -> Ranked:
     """`graspnet.PlanFromDepth` on the wrist camera's frame alone."""
     camera = seen.wrist
     found = cell.tool(
@@ -82,7 +82,7 @@ def by_graspnet(cell: StandaloneContext, seen: Seen) -> Ranked:
     return [(Se3Pose.of(T @ pose.matrix), score) for pose, score in ranked]
 
 
-def by_box(cell: StandaloneContext, seen: Seen) -> Ranked:
+def by_box(cell: StandaloneContext, seen: SeenObject) -> Ranked:
     """`geometry_svc.TopDownGraspCandidates` of the cloud's box, as deep as palm and fingertips allow."""
     gripper = cell.robot().gripper
     obb = cell.tool("geometry_svc.FilterAndComputeOBB", point_cloud=PointCloud(seen.target))
@@ -100,7 +100,7 @@ GENERATORS: dict[str, Generator] = {
 }
 
 
-def attempt(cell: StandaloneContext, seen: Seen, generate: Generator) -> dict[str, Any]:
+def attempt(cell: StandaloneContext, seen: SeenObject, generate: Generator) -> dict[str, Any]:
     """Plan, take the best grasp that is in reach, execute it. `reason` is empty where every motion was carried out."""
     row: dict[str, Any] = {"grasps": 0, "rank": None, "score": None, "ms": None, "reason": ""}
     started = time.process_time()

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gap_grasps.bench.execution import GENERATORS, VOID, Ranked, Seen, attempt, execute, in_reach
+from gap_grasps.bench.execution import GENERATORS, VOID, Ranked, SeenObject, attempt, execute, in_reach
 from gap_grasps.bench.objects import Subject, place, rest, subjects
 from gap_grasps.bench.perception import cloud_of, handle_of, pixels
 from gap_grasps.bench.sampling import drawn_evenly, pool_of
@@ -22,7 +22,7 @@ from gap_runtime.contracts.types import Mask
 
 LIFTED = 0.10  # m a held object must have risen
 WRIST = "wrist"
-Rank = Callable[[StandaloneContext, Seen], Ranked]
+Rank = Callable[[StandaloneContext, SeenObject], Ranked]
 
 
 def grasp_rows(
@@ -96,7 +96,7 @@ class _SubjectScene:
         return {"lifted": truth.lifted(), "success": truth.lifted() > LIFTED and truth.is_grasped()}
 
 
-def look(cell: StandaloneContext, *, handle_only: bool = False) -> Seen:
+def look(cell: StandaloneContext, *, handle_only: bool = False) -> SeenObject:
     """Observe and segment, by depth alone."""
     observed = cell.tool("observation.GetObservation")
     masks = [pixels(cell, camera, observed.arm_states) for camera in observed.cameras]
@@ -108,4 +108,4 @@ def look(cell: StandaloneContext, *, handle_only: bool = False) -> Seen:
         part = handle_of(scene)
         target = scene[part]
         mask[mask] = np.split(part, np.cumsum([len(c) for c in clouds])[:-1])[wrist]
-    return Seen(target, scene, observed.cameras[wrist], Mask(mask))
+    return SeenObject(target, scene, observed.cameras[wrist], Mask(mask))

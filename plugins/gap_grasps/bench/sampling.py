@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gap_grasps.bench.execution import Ranked, Seen
+from gap_grasps.bench.execution import Ranked, SeenObject
 from gap_runtime.contracts.standalone import StandaloneContext
 from gap_runtime.contracts.types import PointCloud, Quaternion, Se3Pose, Vec3
 
@@ -16,7 +16,7 @@ LEAN_DEG = 25.0  # standard deviation of a blind grasp's lean
 NEAREST = 8  # grasps near a drawn score that are tried for reach
 
 
-def pool_of(cell: StandaloneContext, seen: Seen) -> Ranked:
+def pool_of(cell: StandaloneContext, seen: SeenObject) -> Ranked:
     """All that `graspgen.PlanFromPointCloud` samples and as many blind grasps, scored by `graspgen.ScoreGrasps`.
 
     Blind ones that would meet the object or its support score 0 and are left out.
@@ -30,7 +30,7 @@ def pool_of(cell: StandaloneContext, seen: Seen) -> Ranked:
     return [(pose, score) for pose, score in ranked if score > 0]
 
 
-def blind_grasps(cell: StandaloneContext, seen: Seen) -> list[Se3Pose]:
+def blind_grasps(cell: StandaloneContext, seen: SeenObject) -> list[Se3Pose]:
     """The hand over random points of the object, from above or leaning, at any yaw, as deep as the palm allows."""
     rng = np.random.default_rng([cell.seed, 2])
     depth = cell.robot().gripper.finger_depth

@@ -14,7 +14,7 @@ import numpy as np
 from gap_catalogue.grasps import CameraGrasps, GraspnetPlanFromPointCloud, PlanFromDepth
 from gap_catalogue.shared import research_packages as published
 from gap_catalogue.shared.point_clouds import require_surface
-from gap_hf.device import placement
+from gap_hf.device import compute_device
 from gap_hf.grasps.network_grasps import PANDA_DEPTH, listed, rigid_grasps, tcp
 from gap_hf.loading import DEADLINE_S
 from gap_runtime.contracts.failures import ToolError
@@ -64,7 +64,7 @@ def _ranked(poses: object, scores: object, contacts: object) -> CameraGrasps:
 
 
 def _estimator() -> Any:
-    folder, place = published.path(CHECKPOINT, TITLE, folder=True), placement()
+    folder, place = published.path(CHECKPOINT, TITLE, folder=True), compute_device()
     return published.once(("graspnet", str(folder), str(place.device)), lambda: _load(folder, place.device))
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from gap_catalogue.grasps import M2t2PlanFromPointCloud, WorldGrasps
 from gap_catalogue.shared import research_packages as published
 from gap_catalogue.shared.point_clouds import require_surface
-from gap_hf.device import placement
+from gap_hf.device import compute_device
 from gap_hf.grasps.network_grasps import PANDA_DEPTH, listed, rigid_grasps, tcp
 from gap_hf.loading import DEADLINE_S
 from gap_runtime.contracts.failures import ToolError
@@ -76,7 +76,7 @@ def _batch(points: Array, colours: Array | None, count: int, seed: int) -> dict[
         "cam_pose": np.eye(4),
         "bottom_center": np.zeros(3),
     }
-    device = placement().device
+    device = compute_device().device
     tensors: dict[str, Any] = {
         k: torch.as_tensor(v, dtype=torch.float32, device=device)[None] for k, v in batch.items()
     }
@@ -109,7 +109,7 @@ def _on(contacts: Array, target: Array) -> Array:
 
 
 def _model() -> tuple[Any, Any]:
-    weights, place = published.path(CHECKPOINT, TITLE, folder=False), placement()
+    weights, place = published.path(CHECKPOINT, TITLE, folder=False), compute_device()
     chosen = os.environ.get(CONFIG, "").strip()
     config = Path(chosen).expanduser() if chosen else weights.with_name("config.yaml")
     if not config.is_file():

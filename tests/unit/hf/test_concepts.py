@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from gap_hf.device import placement
+from gap_hf.device import compute_device
 from gap_hf.loading import Network
 from gap_hf.vision import concepts, segment
 from gap_runtime.contracts.failures import BadRequestError
@@ -41,7 +41,7 @@ class Finder(torch.nn.Module):
 
 @pytest.fixture
 def finder(monkeypatch):
-    place = placement()
+    place = compute_device()
     words = tiny.letters()
     monkeypatch.setattr(concepts, "network", lambda *_: Network(Finder().to(place.device), words, place))
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from gap_hf.device import placement
+from gap_hf.device import compute_device
 from gap_hf.loading import Network
 from gap_hf.vision import promptable_segmentation as prompted
 from gap_hf.vision import segment
@@ -58,7 +58,7 @@ class Painter(torch.nn.Module):
 
 @pytest.fixture
 def painter(monkeypatch):
-    place = placement()
+    place = compute_device()
     monkeypatch.setattr(prompted, "network", lambda *_: Network(Painter().to(place.device), None, place))
 
 
