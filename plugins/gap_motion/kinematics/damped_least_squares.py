@@ -10,7 +10,6 @@ from gap_runtime.contracts.types import Array
 POSITION, ROTATION = 1e-5, 1e-4  # m, rad: a pose counts as reached
 STEP = 0.6  # rad: the longest joint step of one iteration
 DAMPING = 1e-3
-PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
 
 
 def damped_least_squares(
@@ -43,18 +42,11 @@ def damped_least_squares(
 
 def halton_seeds(lower: Array, upper: Array, count: int) -> Array:
     """Deterministic seeds that fill the joint box, shape (count, n): a Halton sequence (Halton 1960)."""
-    box = np.stack([_radical_inverse(np.arange(1, count + 1), prime) for prime in PRIMES[: len(lower)]], axis=1)
-    return np.asarray(lower + box * (upper - lower))
+    from scipy.stats.qmc import Halton
 
-
-def _radical_inverse(numbers: Array, base: int) -> Array:
-    """The digits of each number, mirrored at the point."""
-    total, scale = np.zeros(len(numbers)), 1.0
-    while numbers.any():
-        scale /= base
-        numbers, digit = np.divmod(numbers, base)
-        total += digit * scale
-    return total
+    sequence = Halton(len(lower), scramble=False)
+    sequence.fast_forward(1)  # the first point is a corner of the box
+    return np.asarray(lower + sequence.random(count) * (upper - lower))
 
 
 def _error_and_jacobian(chain: Chain, q: Array, T: Array) -> tuple[Array, Array]:
