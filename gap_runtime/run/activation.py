@@ -86,10 +86,11 @@ class SubgraphActivation:
         self.terminals: list[CompiledNode] = []
         self.ends_run = False  # a failure here ends the whole run
 
-    def ready(self) -> list[Attempt]:
-        """An attempt for every node that may run now; several for one that a router sends several inputs."""
+    def ready(self, busy: int = 0) -> list[Attempt]:
+        """An attempt for every node that may run now; several for one that a router sends several inputs. `busy` nodes
+        still run, and what they can lead to waits."""
         attempts: list[Attempt] = []
-        for index in self.queue.pop_ready():
+        for index in self.queue.pop_ready(busy):
             node = self.subgraph.nodes[index]
             sends = self.sends.pop(index, None) if self.sends else None
             if sends is None:

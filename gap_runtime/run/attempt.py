@@ -80,8 +80,8 @@ class Attempt:
             self.deadline = self.started + self.deadline_s * patience
 
     def cancel(self, why: str) -> None:
-        """Ask the node to stop; the first reason given stays."""
-        if not self.cancelled:
+        """Ask the node to stop, if it still runs; the first reason given stays."""
+        if not self.cancelled and self.state is RUNNING:
             self.cancelled_at = monotonic()
             self.cancelled = why
 

@@ -13,7 +13,9 @@ from gap_runtime.contracts.access import enter_node, leave_node
 from gap_runtime.contracts.cell import Cell
 from gap_runtime.contracts.failures import (
     BadRequestError,
+    CancelledError,
     GapError,
+    MotionError,
     PrivilegedReadError,
     ToolError,
     UnknownNameError,
@@ -166,6 +168,9 @@ def execute_node(services: Services, attempt: Attempt) -> bool:
         error, value = problem, None
         if attempt.cancelled == DEADLINE:  # whatever it said while it was being stopped
             error = deadline_error(attempt)
+            error.__cause__ = problem
+        elif attempt.cancelled and isinstance(problem, MotionError) and problem.code == "stopped":
+            error = CancelledError(f"{attempt.path} was told to stop: {attempt.cancelled.rstrip('.')}.")
             error.__cause__ = problem
     finally:
         leave_node(token)

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from threading import Event
 from time import monotonic
 from typing import Any, Literal
 
+from gap_runtime.contracts.failures import CancelledError, PrivilegedReadError, SimulationDivergedError
 from gap_runtime.errors import ExecutionError
 from gap_runtime.graph.compiled import CompiledGraph, CompiledSubgraph, TopNode
 from gap_runtime.run.activation import ReadyQueue, SubgraphActivation
+from gap_runtime.run.attempt import Attempt
 from gap_runtime.run.events import Emitter
 from gap_runtime.run.services import Services
 from gap_runtime.run.streaming import Observations, stop_streaming
+from gap_runtime.run.superstep import SIBLING
 from gap_runtime.safety.protective_stop import stop_arms
 
+FATAL = (PrivilegedReadError, SimulationDivergedError)
 Status = Literal["success", "failure", "error", "cancelled"]
 CheckpointEvaluator = Callable[[str, str, str], list[str]]
 """(subgraph node, its definition's name, exit) -> names of `validate` checkpoints that do not hold."""
@@ -66,6 +70,11 @@ class GraphRun:
         """True when a subgraph or an end was reached and not entered yet."""
         return bool(self._queue.pending)
 
+    @property
+    def fails_next(self) -> bool:
+        """True when a failure end was reached, which does not wait for what runs beside it."""
+        return any(self.graph.nodes[i].status == "failure" for i in self._queue.pending)
+
     def in_order(self) -> list[SubgraphActivation]:
         """The activations, by name of their node."""
         return [self.activations[i] for i in sorted(self.activations)]
@@ -87,14 +96,13 @@ class GraphRun:
         else:
             self._queue.activate(ends)
 
-    def finish_idle(self) -> None:
-        """Leave every activation with nothing left to run. Raises `ExecutionError` where the graph is stuck."""
-        idle = [f for f in self.in_order() if not f.queue.pending]
-        if not idle and not self._queue.pending:
-            raise ExecutionError("The graph came to a stop before it reached an end.", ())
+    def finish_idle(self, busy: Collection[int]) -> bool:
+        """Leave every activation with nothing left to run that is not `busy`; False where nothing moves on."""
+        idle = [f for f in self.in_order() if not f.queue.pending and f.top not in busy]
         for activation in idle:
             if activation.top in self.activations:
                 self._finish(activation)
+        return bool(idle)
 
     def leave(self, activation: SubgraphActivation, value: str, *, failed: bool) -> None:
         """An activation is over with this exit value; plain edges are for success. Raises `ExecutionError` where
@@ -108,6 +116,37 @@ class GraphRun:
         if not targets:
             raise ExecutionError(f"{node.name} ended with {value!r}, which leads nowhere.", ())
         self._queue.activate(targets)
+
+    def record(self, attempt: Attempt, *, stopping: bool) -> None:
+        """Keep what an attempt failed of, unless it only was stopped by a failure beside it."""
+        assert attempt.error is not None
+        if attempt.activation.tolerant:
+            self.outcome.recovery_failures.append((attempt.path, attempt.error))
+        elif stopping or not (attempt.stopped and isinstance(attempt.error, CancelledError)):
+            self.outcome.record_failure(attempt.path, attempt.error)
+
+    def leave_failed(self, failed: Sequence[Attempt], *, stopping: bool) -> None:
+        """Route each activation with a failure of its own to its `on_error`; a recovery only moves on. One that was
+        stopped by a failure beside it is dropped with the end that this leads to."""
+        by_activation: dict[int, list[Attempt]] = {}
+        for attempt in failed:
+            by_activation.setdefault(attempt.activation.top, []).append(attempt)
+            self.record(attempt, stopping=stopping)
+        fatal = next((a.error for a in failed if isinstance(a.error, FATAL)), None)
+        if fatal is not None:
+            self.fail(fatal)
+            return
+        failed_itself = {top for top, found in by_activation.items() if any(a.cancelled != SIBLING for a in found)}
+        ending = any(self.activations[top].ends_run for top in failed_itself if top in self.activations)
+        for top, attempts in sorted(by_activation.items()):
+            activation = self.activations.get(top)
+            if activation is None:
+                continue
+            if activation.tolerant:
+                for attempt in attempts:
+                    activation.skip(attempt)
+            elif not stopping and (top in failed_itself or not ending):
+                self.leave(activation, activation.subgraph.on_error, failed=True)
 
     def abort(self, status: Status, reason: str) -> None:
         """End the run here: `on_error` of what runs, then the failure end's recovery, then the end. Never twice."""

@@ -75,11 +75,9 @@ class Supervisor:
                 self._stop("error", f"The run took longer than its {self._budget_s:g} s.")
         if self._graph_run.recovering and now > self._graph_run.recovery_began + self._recovery_budget_s:
             self._skip_recovery()
-        step = self._scheduler.step
-        if step is not None:
-            for attempt in step.attempts:
-                if attempt.state is RUNNING and attempt.started:
-                    self._watch(attempt, now)
+        for attempt in self._scheduler.active():
+            if attempt.state is RUNNING and attempt.started:
+                self._watch(attempt, now)
 
     def _watch(self, attempt: Attempt, now: float) -> None:
         if now > attempt.deadline and not attempt.cancelled:
@@ -87,16 +85,18 @@ class Supervisor:
             if late > self._grace_s or not attempt.tool:  # a tool it calls gets the grace to say so itself
                 attempt.cancel(DEADLINE)
             if attempt.node.effect == "actuate" and (attempt.cancelled or late <= TICK_S * 2):
-                stop_arms(self._scheduler.services.cell)
+                self._scheduler.stop_arms_of([attempt])
         elif attempt.cancelled and now > attempt.cancelled_at + self._grace_s:
             self._abandon(attempt)
 
     def _abandon(self, attempt: Attempt) -> None:
-        scheduler, step = self._scheduler, self._scheduler.step
-        if step is None:
-            return
-        inline = step.current is attempt
-        if not step.abandon(scheduler.services, attempt):
+        scheduler, step, flights = self._scheduler, self._scheduler.step, self._scheduler.in_flight
+        inline = step is not None and step.current is attempt
+        if step is not None and attempt in step.attempts:
+            abandoned = step.abandon(scheduler.services, attempt)
+        else:
+            abandoned = flights is not None and flights.abandon(attempt)
+        if not abandoned:
             return
         stop_arms(scheduler.services.cell)
         if inline:
@@ -119,7 +119,5 @@ class Supervisor:
             self._stop_step("the recovery is cut short")
 
     def _stop_step(self, reason: str) -> None:
-        step = self._scheduler.step
-        if step is not None:
-            step.cancel(reason)
+        self._scheduler.cancel(reason)
         stop_arms(self._scheduler.services.cell)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from time import monotonic, sleep
+from typing import cast
 
 import numpy as np
 
 from gap_runtime.contracts.access import assert_privileged
 from gap_runtime.contracts.cell import CellFrame
 from gap_runtime.contracts.failures import UnknownNameError
-from gap_runtime.contracts.simulator import Instance
+from gap_runtime.contracts.simulator import Instance, Process, SteppedClock, TimedCommand
 from gap_runtime.contracts.snapshot import ArmTruth, BodyState, WorldSnapshot
 from gap_runtime.contracts.types import (
     CameraObservation,
@@ -23,11 +25,14 @@ from gap_runtime.contracts.types import (
     Se3Pose,
     Vec3,
 )
-from gap_runtime.testing.arm import UPRIGHT, FakeArm
+from gap_runtime.testing.arm import STEP_S, UPRIGHT, FakeArm, T, steps
 
 
 class FakeCell:
-    """A world of boxes that never move. `pace` is wall seconds per second of world time (0: as fast as it can)."""
+    """A cell of boxes that never move. `pace` is wall seconds per second of cell time (0: as fast as it can).
+
+    With `real_time` time passes by itself, `pace` (then not 0) wall seconds to the second; else commands step it.
+    """
 
     def __init__(
         self, *, arms: int = 1, objects: Mapping[str, Vec3] | None = None, pace: float = 0.0, real_time: bool = False
@@ -35,7 +40,8 @@ class FakeCell:
         self.arms: tuple[FakeArm, ...] = tuple(FakeArm(self, i) for i in range(arms))
         self.camera_names: tuple[str, ...] = ("agentview", "wrist")
         self.real_time = real_time
-        self.time = 0.0
+        self.clock = SteppedClock(lambda call: call(), self._step)
+        self._time, self._began = 0.0, monotonic()
         self._pace = pace
         self._lock = threading.Lock()
         self._home = {name: Se3Pose(p, UPRIGHT) for name, p in (objects or {"can": Vec3(0.0, 0.1, 0.05)}).items()}
@@ -43,6 +49,11 @@ class FakeCell:
         self._start: WorldSnapshot | None = None
         self._listeners: dict[int, tuple[Callable[[CellFrame], None], float, float]] = {}
         self.closed = False
+
+    @property
+    def time(self) -> float:
+        """Cell time [s]."""
+        return (monotonic() - self._began) / self._pace if self.real_time else self._time
 
     def sample(self, seed: int) -> Instance:
         """Every object within 5 cm of where it was put when the world was made."""
@@ -57,11 +68,11 @@ class FakeCell:
         for arm in self.arms:
             arm.drop()
         self._poses = dict(instance.poses)
-        self.time, self._start = 0.0, None
+        self._time, self._began, self._start = 0.0, monotonic(), None
         self._start = self.snapshot()
 
     def observe(self, cameras: Sequence[str] | None = None) -> Observation:
-        """Tiny grey frames, stamped with world time."""
+        """Tiny grey frames, stamped with cell time."""
         frames = tuple(self._frame(name) for name in cameras or self.camera_names)
         return Observation(frames, tuple(arm.state() for arm in self.arms), self.time)
 
@@ -72,8 +83,8 @@ class FakeCell:
         return Se3Pose(Vec3(0.0, 0.0, 1.0), Quaternion(0.0, 1.0, 0.0, 0.0))
 
     def wait(self, seconds: float) -> None:
-        """Let world time pass."""
-        self.advance(seconds, None)
+        """Let cell time pass."""
+        self.take(steps(seconds))
 
     def snapshot(self) -> WorldSnapshot:
         """Ground truth."""
@@ -87,7 +98,7 @@ class FakeCell:
     def subscribe(
         self, listener: Callable[[CellFrame], None], hz: float, cameras: Sequence[str] = ()
     ) -> Callable[[], None]:
-        """Call `listener` at `hz` of world time."""
+        """Call `listener` at `hz` of cell time."""
         key = max(self._listeners, default=0) + 1
         self._listeners[key] = (listener, 1.0 / hz, self.time)
         return lambda: self._listeners.pop(key, None) and None
@@ -96,18 +107,34 @@ class FakeCell:
         """Nothing to free."""
         self.closed = True
 
-    def advance(self, seconds: float, stop: threading.Event | None) -> None:
-        """Let time pass, call the listeners that are due, and take as long as `pace` says."""
+    def take(self, process: Process[T]) -> T:
+        """Let time pass, `STEP_S` whenever the process yields, until it is over; its result."""
+        if not self.real_time:
+            return self.clock.run(process)
+        command = TimedCommand(process)
+        command.resume()
+        while not command.over:
+            sleep(STEP_S * self._pace)
+            with self._lock:
+                self._update()
+                command.resume()
+        return cast(T, command.result())
+
+    def _step(self) -> None:
         with self._lock:
-            self.time += seconds
-            for arm in self.arms:
-                arm.follow()
-            for key, (listener, period, last) in list(self._listeners.items()):
-                if self.time >= last + period - 1e-9:
-                    self._listeners[key] = (listener, period, self.time)
-                    listener(CellFrame(self.time, self.observe(), None))
+            self._time += STEP_S
+            self._update()
         if self._pace:
-            (stop or threading.Event()).wait(seconds * self._pace)
+            sleep(STEP_S * self._pace)
+
+    def _update(self) -> None:
+        """Time has passed: move what was started, and call the listeners that are due."""
+        for arm in self.arms:
+            arm.follow()
+        for key, (listener, period, last) in list(self._listeners.items()):
+            if self.time >= last + period - 1e-9:
+                self._listeners[key] = (listener, period, self.time)
+                listener(CellFrame(self.time, self.observe(), None))
 
     def _frame(self, name: str) -> CameraObservation:
         rgb = np.full((4, 6, 3), 128, np.uint8)

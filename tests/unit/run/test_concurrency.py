@@ -93,7 +93,7 @@ def test_c1_an_arm_named_at_run_time_is_refused_too():
     assert result.causes[0].code == "lease" and len(world.arms[0].commands) == 1
 
 
-# C2
+# C2: see also test_in_flight
 
 
 def test_c2_one_node_may_hold_arm_and_gripper_and_two_nodes_one_each():
@@ -107,21 +107,6 @@ def test_c2_one_node_may_hold_arm_and_gripper_and_two_nodes_one_each():
     assert run_fake(chain(a={"type": "tool", "tool": "fake.Pick"}), pick, cell=world).status == "success"
     assert run_fake(fan(a=node("Move"), b=node("Grip")), cell=world).status == "success"
     assert world.arms[0].commands == ["set_width", "execute", "execute", "set_width"]
-
-
-def test_c2_two_arms_in_one_step_share_the_clock_one_after_the_other():
-    world, busy = FakeCell(arms=2), Busy()
-    advance = world.advance
-
-    def guarded(*args):
-        with busy:
-            advance(*args)
-
-    world.advance = guarded
-    result, seen = watched(fan(b=node("Move", arm_id=1), a=node("Move", arm_id=0)), cell=world)
-    assert result.status == "success" and busy.most == 1
-    outputs = {e.path: e.data["output"] for e in seen if e.kind == "node_finished"}
-    assert outputs["main/a"] < outputs["main/b"]  # world time at their end: in order of name
 
 
 def test_c2_a_tool_cannot_command_what_it_did_not_declare():

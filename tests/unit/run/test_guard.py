@@ -12,6 +12,7 @@ from gap_runtime.contracts.simulator import Simulator
 from gap_runtime.contracts.tool import ToolContext, tool
 from gap_runtime.contracts.types import Quaternion, Se3Pose, Trajectory, Vec3
 from gap_runtime.testing import FakeArm, FakeCell, fake_workflow, run_fake
+from gap_runtime.testing.arm import steps
 
 WAY = Trajectory(np.array([0.0, 0.1]), np.zeros((2, 2)))
 POSE = Se3Pose(Vec3(0.4, 0.0, 0.3), Quaternion(1.0, 0.0, 0.0, 0.0))
@@ -36,7 +37,7 @@ class PolishingArm(FakeArm):
     def polish(self) -> None:
         """Declared."""
         self.commands.append("polish")
-        self._clock.advance(0.02, None)
+        self._timeline.take(steps(0.02))
 
     @property
     @access("sense")
@@ -91,7 +92,7 @@ def test_what_a_plugin_does_not_declare_is_refused(cell):
     result = run(cell, lambda c: c.arms[0].hammer(), ("arm:0", "clock"))
     assert result.causes[0].code == "undeclared" and cell.arms[0].commands == []
     assert "PolishingArm.hammer" in result.error and "@access" in str(result.causes[0])
-    assert run(cell, lambda c: c.advance(1.0, None), ("clock",)).causes[0].code == "undeclared"
+    assert run(cell, lambda c: c.take(steps(1.0)), ("clock",)).causes[0].code == "undeclared"
 
 
 def test_what_a_plugin_declares_to_be_sensed_can_be_read_and_only_until_the_node_is_stopped(cell):
