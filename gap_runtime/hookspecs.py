@@ -39,6 +39,11 @@ def gap_register_cells(register: Register) -> None:
 
 
 @hookspec
+def gap_register_renderers(register: Register) -> None:
+    """register(name, function): a `contracts.task.rendering.ObjectRenderer`; tools find it as `ctx.renderer`."""
+
+
+@hookspec
 def gap_register_robots(register: Register) -> None:
     """register(spec): a `RobotSpec`; or register(name, factory) where building one costs something."""
 

@@ -19,6 +19,7 @@ import pluggy
 from gap_runtime import hookspecs
 from gap_runtime.contracts.policy import policy_tool
 from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.contracts.task.rendering import ObjectRenderer
 from gap_runtime.contracts.tool import Tool, ToolSpec
 from gap_runtime.errors import GapError, PluginError, UnknownNameError
 
@@ -37,7 +38,7 @@ FIRST_PARTY = (
     "gap_cli.bench",
     "morsl",
 )
-ENTRY_KINDS = ("cells", "robots", "authors", "policies", "engines", "benchmarks", "checks", "preparations")
+ENTRY_KINDS = ("cells", "renderers", "robots", "authors", "policies", "engines", "benchmarks", "checks", "preparations")
 log = logging.getLogger(__name__)
 
 
@@ -83,6 +84,7 @@ class Registry:
     skill_paths: list[tuple[Path, str]] = field(default_factory=list)
     task_paths: list[tuple[Path, str]] = field(default_factory=list)
     cells: dict[str, Entry] = field(default_factory=dict)
+    renderers: dict[str, Entry] = field(default_factory=dict)
     robots: dict[str, Entry] = field(default_factory=dict)
     authors: dict[str, Entry] = field(default_factory=dict)
     policies: dict[str, Entry] = field(default_factory=dict)
@@ -103,6 +105,11 @@ class Registry:
         if name not in self.providers:
             raise UnknownNameError("tool", name, {n: tool.spec.summary for n, tool in self.tools.items()})
         return self.providers[name][self._choice(name, self.providers[name])]
+
+    @property
+    def renderer(self) -> ObjectRenderer | None:
+        """What renders object models: the first by name; None where no plugin does."""
+        return self.renderers[min(self.renderers)].value if self.renderers else None
 
     def robot(self, name: str) -> RobotSpec:
         """One robot's spec. Raises `UnknownNameError`."""

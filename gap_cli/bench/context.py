@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from gap_runtime.contracts.robot import RobotSpec
     from gap_runtime.contracts.simulator import Simulator
     from gap_runtime.contracts.task import Task
+    from gap_runtime.contracts.task.rendering import ObjectRenderer
     from gap_runtime.contracts.tool import Tool
 
 
@@ -37,9 +38,10 @@ class BenchRun:
     workers: int = 1
     watch: Progress = quiet
     tools: Mapping[str, Tool] = field(init=False)
+    renderer: ObjectRenderer | None = field(init=False)
 
     def __post_init__(self) -> None:
-        self.tools = self.registry.tools
+        self.tools, self.renderer = self.registry.tools, self.registry.renderer
 
     def progress(self, done: float, what: str) -> None:
         """Tell whoever watches."""

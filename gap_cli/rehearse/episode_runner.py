@@ -86,7 +86,7 @@ def make_setup(prepared: Prepared, simulator: Simulator, seed: int, jail: Script
 
     return RunSetup(
         cell=simulator, task=task, robots=tuple(registry.robot(p.model) for p in task.robots), seed=seed,
-        script_runner=jail, cell_budget_s=task.max_time, lockstep=True, checkpoints=broken,
+        script_runner=jail, renderer=registry.renderer, cell_budget_s=task.max_time, lockstep=True, checkpoints=broken,
     )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.task import Task
+from gap_runtime.contracts.task.rendering import ObjectRenderer, require_renderer
 from gap_runtime.plugins import Registry
 from gap_runtime.run.services import SHARED
 
@@ -18,6 +19,12 @@ class ModelContext:
 
     task: Task
     robots: tuple[RobotSpec, ...]
+    object_renderer: ObjectRenderer | None
+
+    @property
+    def renderer(self) -> ObjectRenderer:
+        """Renders object models. Raises `ToolError`."""
+        return require_renderer(self.object_renderer)
 
     def robot(self, arm_id: int = 0) -> RobotSpec:
         """The spec of one arm."""
@@ -31,7 +38,7 @@ class ModelContext:
 def warm_up(registry: Registry, task: Task, used: frozenset[str]) -> None:
     """Run the preparations of every plugin that serves one of the tools `used`, in the order of their names."""
     plugins = {registry.tool(name).plugin for name in used}
-    context = ModelContext(task, tuple(registry.robot(placement.model) for placement in task.robots))
+    context = ModelContext(task, tuple(registry.robot(placement.model) for placement in task.robots), registry.renderer)
     for _, entry in sorted(registry.preparations.items()):
         if entry.plugin in plugins:
             entry.value(context)

@@ -15,8 +15,11 @@ _SPEC = TypeAdapter(RobotSpec)
 
 
 def plain(spec: RobotSpec) -> dict[str, Any]:
-    """What `spec_of` makes the spec of; the model's file by its name alone, since the jail has no files."""
-    data: dict[str, Any] = _SPEC.dump_python(replace(spec, model_file=Path(spec.model_file.name)), mode="json")
+    """What `spec_of` makes the spec of; the model's file by its name alone and no meshes, since the jail has
+    no files."""
+    data: dict[str, Any] = _SPEC.dump_python(
+        replace(spec, model_file=Path(spec.model_file.name), visuals=()), mode="json"
+    )
     return data
 
 

@@ -11,6 +11,7 @@ from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.simulator import Simulator
 from gap_runtime.contracts.standalone import StandaloneContext
 from gap_runtime.contracts.task import Task
+from gap_runtime.contracts.task.rendering import ObjectRenderer
 from gap_runtime.contracts.tool import Tool
 
 Job = TypeVar("Job")
@@ -59,6 +60,7 @@ class BenchContext(Protocol):
     seed: int | None  # of the first sample; None: the benchmark's own
     workers: int  # processes that `map` uses
     tools: Mapping[str, Tool]  # by name, as `gap tools list` shows them
+    renderer: ObjectRenderer | None  # of object models, where a plugin offers one
 
     def progress(self, done: float, what: str) -> None:
         """How much is done, 0 to 1, and what is being measured now."""
@@ -87,7 +89,7 @@ class BenchContext(Protocol):
 def standalone(bench: BenchContext, task: Task, scene: str, seed: int = 0) -> StandaloneContext:
     """A cell outside any graph, with all of a benchmark's tools."""
     robots = {placed.model: bench.robot(placed.model) for placed in task.robots}
-    return StandaloneContext(bench.simulator(task, scene), task, robots, bench.tools, seed)
+    return StandaloneContext(bench.simulator(task, scene), task, robots, bench.tools, seed, bench.renderer)
 
 
 Benchmark = Callable[[BenchContext], BenchReport]

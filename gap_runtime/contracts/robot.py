@@ -54,6 +54,15 @@ class CameraSpec:
 
 
 @dataclass(frozen=True)
+class VisualMesh:
+    """What a link looks like: a mesh in its frame [m] and its colour (red, green, blue, alpha), each 0 to 1."""
+
+    link: str
+    file: Path
+    rgba: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
 class RobotSpec:
     """One arm with its gripper.
 
@@ -62,6 +71,7 @@ class RobotSpec:
                  the fingertips. The TCP's z axis points along the approach, its y axis along the closing direction.
     reach        farthest horizontal distance from the base at which a top-down grasp, up to 0.3 m above the base's
                  foot, is expected [m].
+    visuals      what cameras see in place of the collision shapes of these links.
     sources      where each limit comes from, by field name.
     """
 
@@ -80,6 +90,7 @@ class RobotSpec:
     spheres: tuple[CollisionSphere, ...] = ()
     self_collision_ignore: tuple[tuple[str, str], ...] = ()
     cameras: tuple[CameraSpec, ...] = ()
+    visuals: tuple[VisualMesh, ...] = ()
     sources: Mapping[str, str] | None = None
 
     @property

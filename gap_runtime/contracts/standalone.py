@@ -10,6 +10,7 @@ from gap_runtime.contracts.failures import UnknownNameError
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.simulator import Simulator
 from gap_runtime.contracts.task import Task
+from gap_runtime.contracts.task.rendering import ObjectRenderer, require_renderer
 from gap_runtime.contracts.tool import Tool
 
 
@@ -25,8 +26,14 @@ class StandaloneContext:
     robots: Mapping[str, RobotSpec]
     tools: Mapping[str, Tool]
     seed: int = 0
+    object_renderer: ObjectRenderer | None = None
     state: dict[str, Any] = field(default_factory=dict)
     made: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def renderer(self) -> ObjectRenderer:
+        """Renders object models. Raises `ToolError`."""
+        return require_renderer(self.object_renderer)
 
     def robot(self, arm_id: int = 0) -> RobotSpec:
         """The spec of one arm."""

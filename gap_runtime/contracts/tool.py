@@ -19,6 +19,7 @@ from typing import Any, ClassVar, Generic, Literal, Protocol, TypedDict, TypeVar
 from gap_runtime.contracts.cell import Cell
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.task import Task
+from gap_runtime.contracts.task.rendering import ObjectRenderer
 from gap_runtime.contracts.types import CONTRACT_TYPES
 from gap_runtime.contracts.types.typeref import TypeRef
 
@@ -39,6 +40,10 @@ class ToolContext(Protocol):
     @property
     def cell(self) -> Cell:
         """The robot cell."""
+
+    @property
+    def renderer(self) -> ObjectRenderer:
+        """Renders the task's object models. Raises `ToolError` code `no_renderer` where no plugin offers one."""
 
     def robot(self, arm_id: int = 0) -> RobotSpec:
         """The spec of one arm."""

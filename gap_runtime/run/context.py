@@ -23,6 +23,7 @@ from gap_runtime.contracts.failures import (
 )
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.task import Task
+from gap_runtime.contracts.task.rendering import ObjectRenderer, require_renderer
 from gap_runtime.graph.compiled import BoundCallable
 from gap_runtime.graph.values import copy_containers, require_finite
 from gap_runtime.run.attempt import DEADLINE, Attempt, deadline_error
@@ -65,6 +66,11 @@ class NodeContext:
     def seed(self) -> int:
         """The episode's seed."""
         return self._services.seed
+
+    @property
+    def renderer(self) -> ObjectRenderer:
+        """Renders object models. Raises `ToolError` code `no_renderer`."""
+        return require_renderer(self._services.renderer)
 
     def robot(self, arm_id: int = 0) -> RobotSpec:
         """The spec of one arm. Raises `UnknownNameError`."""

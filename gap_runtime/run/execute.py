@@ -11,6 +11,7 @@ from gap_runtime.contracts.cell import Cell
 from gap_runtime.contracts.failures import GapError
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.task import Task
+from gap_runtime.contracts.task.rendering import ObjectRenderer
 from gap_runtime.errors import ExecutionError
 from gap_runtime.graph.compiled import CompiledGraph
 from gap_runtime.run.events import Emitter, Observer
@@ -28,6 +29,7 @@ class RunSetup:
     """Everything a run needs beside the graph.
 
     robots             by arm_id; default: what the cell's arms say they are.
+    renderer           renders object models, for tools that learn from them.
     script_runner      runs inline scripts (the jail); without one a graph that has any is refused.
     cancel             set it from anywhere to stop the run.
     budget_s           wall time the whole run may take; recovery_budget_s: each recovery.
@@ -58,6 +60,7 @@ class RunSetup:
     lockstep: bool = False
     checkpoints: CheckpointEvaluator | None = None
     shared: SharedStore = SHARED
+    renderer: ObjectRenderer | None = None
     pool: Pool | None = None
     heartbeat: Callable[[], None] | None = None
     shuffle: random.Random | None = None
@@ -106,7 +109,7 @@ def run_graph(graph: CompiledGraph, setup: RunSetup, observers: Sequence[Observe
     emitter = Emitter(observers, cell)
     services = Services(
         graph.callees, cell, setup.task, setup.robots or _robots(cell), setup.seed, setup.script_runner,
-        setup.shared, _patience(setup), record_calls=bool(observers), lockstep=setup.lockstep,
+        setup.shared, setup.renderer, _patience(setup), record_calls=bool(observers), lockstep=setup.lockstep,
     )  # fmt: skip
     checkpoints = setup.checkpoints if _enforces_checkpoints(graph) else None
     graph_run = GraphRun(graph, services, emitter, checkpoints)

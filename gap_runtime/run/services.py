@@ -11,6 +11,7 @@ from typing import Any, Protocol
 from gap_runtime.contracts.cell import Cell
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.task import Task
+from gap_runtime.contracts.task.rendering import ObjectRenderer
 from gap_runtime.graph.compiled import BoundCallable
 from gap_runtime.run.leases import Leases
 
@@ -63,6 +64,7 @@ class Services:
     seed: int
     script_runner: ScriptRunner | None
     shared: SharedStore
+    renderer: ObjectRenderer | None
     patience: float
     record_calls: bool
     lockstep: bool = False

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from gap_runtime.contracts.robot import RobotSpec
-from gap_runtime.contracts.task import Task
+from gap_runtime.contracts.task import ObjectModel, Task
+from gap_runtime.contracts.task.rendering import ObjectView
 from gap_runtime.hookspecs import Register, hookimpl
 
 # `import mujoco` acts on MUJOCO_GL: by default it loads GLFW, which warns where there is no screen, and it raises where
@@ -31,6 +32,11 @@ def gap_register_tools(register: Register) -> None:
 
 
 @hookimpl
+def gap_register_renderers(register: Register) -> None:
+    register("mujoco", _render_objects)
+
+
+@hookimpl
 def gap_register_cells(register: Register) -> None:
     register("mujoco", _world)
 
@@ -39,6 +45,12 @@ def _world(task: Task, scene: str, robots: Mapping[str, RobotSpec]) -> Any:
     from gap_mujoco.simulator import MujocoSimulator
 
     return MujocoSimulator(task, scene, robots)
+
+
+def _render_objects(objects: Mapping[str, ObjectModel], **how: Any) -> list[ObjectView]:
+    from gap_mujoco.model.models import render_objects
+
+    return render_objects(objects, **how)
 
 
 def _rendering() -> str:

@@ -22,6 +22,7 @@ from gap_runtime.contracts.types import Array
 _TILE = 0.4  # [m]
 _ROOM = (1.7, 2.0, 1.3)  # half sizes of the three walls behind and beside the robot [m]
 _SLAB = 0.03  # half thickness of a table top [m]
+ROBOT_VISUAL, HIDDEN = 1, 3  # geom groups; cameras draw groups 0 to 2
 
 
 @dataclass(frozen=True)
@@ -104,12 +105,21 @@ def _attach_camera(robot: mjcf.RootElement, spec: RobotSpec, camera: CameraSpec)
 
 
 def _attach_visuals(robot: mjcf.RootElement, spec: RobotSpec) -> None:
-    """Visual meshes, where a plugin of robots has them."""
-    try:
-        from gap_robots.visuals import add_looks
-    except ImportError:
-        return
-    add_looks(robot, spec)
+    """Add the spec's meshes, which have no mass and touch nothing, and hide the collision shapes of those links."""
+    visuals = {visual.link: visual for visual in spec.visuals}
+    for body in robot.find_all("body"):
+        if body.name not in visuals:
+            continue
+        file, rgba = visuals[body.name].file, visuals[body.name].rgba
+        for geom in body.geom:
+            geom.group = HIDDEN
+        mesh = robot.find("mesh", file.stem) or robot.asset.add(
+            "mesh", name=file.stem, file=mjcf.Asset(file.read_bytes(), file.suffix)
+        )
+        body.add(
+            "geom", name=f"{body.name}_look", type="mesh", mesh=mesh, rgba=rgba,
+            contype=0, conaffinity=0, group=ROBOT_VISUAL, mass=0,
+        )  # fmt: skip
 
 
 def _add_environment(root: mjcf.RootElement, environment: Environment) -> None:

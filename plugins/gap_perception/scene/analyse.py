@@ -65,7 +65,7 @@ def has_depth(scene: SeenObservation, camera: int) -> bool:
 def library_of(ctx: ToolContext) -> Mapping[str, SurfaceModel]:
     """The looks of the task's object models, learned once per process."""
     library: Mapping[str, SurfaceModel] = ctx.shared(
-        f"gap_perception.library:{_models_key(ctx.task)}", lambda: build_library(ctx.task)
+        f"gap_perception.library:{_models_key(ctx.task)}", lambda: build_library(ctx.task, ctx.renderer)
     )
     return library
 

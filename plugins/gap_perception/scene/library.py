@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
@@ -13,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from gap_perception.scene.colours import hue_histogram, perceptual
 from gap_runtime.contracts.task import ObjectModel, Task
+from gap_runtime.contracts.task.rendering import ObjectRenderer, ObjectView
 from gap_runtime.contracts.types import Array, CameraObservation
 
 CELL = 0.003  # m: grid of surface points
@@ -57,17 +57,15 @@ class SurfaceModel:
         return np.asarray(self.nearest.ravel()[(cell[..., 0] * rows + cell[..., 1]) * layers + cell[..., 2]])
 
 
-def build_library(task: Task) -> dict[str, SurfaceModel]:
+def build_library(task: Task, render: ObjectRenderer) -> dict[str, SurfaceModel]:
     """Render every object model of the task alone and learn its surface; seconds, and nothing but the models."""
-    from gap_mujoco.model.models import render_views
-
-    views = render_views(task.objects, yaws_deg=YAWS, elevations_deg=SIDES)
-    views += render_views(task.objects, yaws_deg=YAWS[::2], elevations_deg=(BELOW, TOP))
+    views = render(task.objects, yaws_deg=YAWS, elevations_deg=SIDES)
+    views += render(task.objects, yaws_deg=YAWS[::2], elevations_deg=(BELOW, TOP))
     return {name: learn(name, model, [v for v in views if v.name == name]) for name, model in task.objects.items()}
 
 
-def learn(name: str, model: ObjectModel, views: Sequence[Any]) -> SurfaceModel:
-    """Fuse views of one model (each with `observation`, `mask`, `yaw_deg`) into surface points on a grid."""
+def learn(name: str, model: ObjectModel, views: Sequence[ObjectView]) -> SurfaceModel:
+    """Fuse views of one model into surface points on a grid."""
     parts = [_surface(v.observation, v.mask.data, v.yaw_deg) for v in views]
     return fuse(name, model, *(np.concatenate(column) for column in zip(*parts, strict=True)))
 

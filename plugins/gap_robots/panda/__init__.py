@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from gap_robots.spheres import read_spheres
+from gap_robots.visuals import panda_visuals
 from gap_runtime.contracts.robot import CameraSpec, GripperSpec, JointLimits, RobotSpec
 
 FOLDER = Path(__file__).parent
@@ -63,6 +64,7 @@ def panda() -> RobotSpec:
             ("panda_leftfinger", "panda_rightfinger"),
         ),
         cameras=(WRIST,),
+        visuals=panda_visuals(),
         sources=SOURCES,
     )
 

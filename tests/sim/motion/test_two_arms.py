@@ -27,6 +27,7 @@ def cell():
     context = SimpleNamespace(
         cell=world, task=task, state={}, seed=0, robot=lambda arm_id=0: world.arms[arm_id].spec,
         shared=lambda key, make: make(), raise_if_cancelled=lambda: None,
+        renderer=registry.renderer,
     )  # fmt: skip
     world.reset(world.sample(0))
     yield SimpleNamespace(cell=world, call=lambda name, **inputs: registry.tool(name)(context, **inputs))

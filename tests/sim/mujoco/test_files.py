@@ -11,7 +11,7 @@ import trimesh
 from PIL import Image
 
 from gap_mujoco.model.files import convex_parts
-from gap_mujoco.model.models import render_views
+from gap_mujoco.model.models import render_objects
 from gap_mujoco.simulator import MujocoSimulator
 from gap_robots.panda import panda
 from gap_runtime.contracts.failures import DocumentError
@@ -192,6 +192,6 @@ def test_a_model_of_another_size_is_refused(folder, tmp_path):
 
 
 def test_they_are_rendered_alone_like_any_other_model(folder):
-    views = render_views(load_task(folder).objects, yaws_deg=(0,), elevations_deg=(40,))
+    views = render_objects(load_task(folder).objects, yaws_deg=(0,), elevations_deg=(40,))
     assert [v.name for v in views] == ["bowl", "ball", "cupboard"]
     assert all(v.mask.data.any() and not v.mask.data[0].any() for v in views)

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from gap_mujoco.model.compiled import compile_model, new_root
-from gap_mujoco.model.models import build_object, cavity, render_views
+from gap_mujoco.model.models import render_objects
 from gap_mujoco.model.primitives import COLLISION, VISUAL
+from gap_mujoco.model.props import build_object, cavity
 from gap_runtime.contracts.failures import DocumentError
 from gap_runtime.contracts.task import ObjectModel, Shape
 
@@ -78,7 +79,7 @@ def test_the_baskets_cavity_is_free_and_walled_in(task):
 
 @pytest.fixture(scope="module")
 def views(task):
-    return render_views(task.objects, yaws_deg=(30,), elevations_deg=(35, 89.9), resolution=(96, 96))
+    return render_objects(task.objects, yaws_deg=(30,), elevations_deg=(35, 89.9), resolution=(96, 96))
 
 
 def test_a_view_shows_the_object_and_nothing_else(task, views):
@@ -110,7 +111,7 @@ def test_no_two_objects_look_alike(task, views):
 
 
 def test_views_are_the_same_bytes_every_time(task, views):
-    again = render_views({"milk": task.objects["milk"]}, yaws_deg=(30,), elevations_deg=(35,), resolution=(96, 96))
+    again = render_objects({"milk": task.objects["milk"]}, yaws_deg=(30,), elevations_deg=(35,), resolution=(96, 96))
     before = next(v for v in views if v.name == "milk" and v.elevation_deg < 80)
     assert again[0].observation.rgb == before.observation.rgb and again[0].mask == before.mask
 
@@ -123,4 +124,4 @@ def test_unknown_looks_are_refused_by_name():
 
 def test_an_object_without_looks_is_plain():
     model = ObjectModel(label="x", shape=Shape(kind="cylinder", size=(0.1, 0.1, 0.1)), mass=1)
-    assert render_views({"thing": model}, yaws_deg=(0,), elevations_deg=(45,))[0].mask.data.any()
+    assert render_objects({"thing": model}, yaws_deg=(0,), elevations_deg=(45,))[0].mask.data.any()

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from gap_mujoco.model.compiled import compile_model, new_root
-from gap_mujoco.model.models import build_object, cavity, collision_primitives, render_views
+from gap_mujoco.model.models import render_objects
 from gap_mujoco.model.primitives import COLLISION, CollisionPrimitive
+from gap_mujoco.model.props import build_object, cavity, collision_primitives
 from gap_runtime.contracts.failures import DocumentError
 from gap_runtime.contracts.task import ObjectModel, Shape
 
@@ -65,7 +66,7 @@ def test_visual_and_collision_geometry_are_the_same(model):
     seen = mujoco.mj_id2name(built, mujoco.mjtObj.mjOBJ_BODY, 1)
     assert seen.startswith("thing")
     assert (built.geom_group == COLLISION).sum() * 2 == built.ngeom
-    assert render_views({"thing": model}, yaws_deg=(0,), elevations_deg=(40,))[0].mask.data.any()
+    assert render_objects({"thing": model}, yaws_deg=(0,), elevations_deg=(40,))[0].mask.data.any()
 
 
 @pytest.mark.parametrize(

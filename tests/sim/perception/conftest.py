@@ -26,7 +26,7 @@ def cell(registry):
     task = bench_task(load_task(TASK))
     robots = {p.model: registry.robot(p.model) for p in task.robots}
     world = registry.cells["mujoco"].value(task, SCENE, robots)
-    yield StandaloneContext(world, task, robots, registry.tools)
+    yield StandaloneContext(world, task, robots, registry.tools, object_renderer=registry.renderer)
     world.close()
 
 

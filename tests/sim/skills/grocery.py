@@ -44,7 +44,9 @@ class Cell:
         conditions = make_conditions(task, [{"target": "milk", "container": "basket"}])
         world.reset(world.sample(SEED))
         watch = Watch(world, graph, checkpoints, conditions.objects)
-        setup = RunSetup(cell=world, task=task, seed=SEED, cell_budget_s=task.max_time, lockstep=True)
+        setup = RunSetup(
+            cell=world, task=task, seed=SEED, cell_budget_s=task.max_time, lockstep=True, renderer=REGISTRY.renderer
+        )
         run_graph(graph, setup, [watch]).raise_for_status()
         return [visit["node"] for visit in watch.subgraphs if not visit["passed"]], judge(world, conditions).success
 

@@ -82,7 +82,7 @@ def cook():
     robots = {p.model: REGISTRY.robot(p.model) for p in task.robots}
     simulator = MujocoSimulator(task, "kitchen", robots)
     simulator.reset(simulator.sample(SEED))
-    yield Cook(StandaloneContext(simulator, task, robots, REGISTRY.tools))
+    yield Cook(StandaloneContext(simulator, task, robots, REGISTRY.tools, object_renderer=REGISTRY.renderer))
     simulator.close()
 
 

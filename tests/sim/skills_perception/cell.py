@@ -127,7 +127,9 @@ class Kitchen:
             if event.kind == "subgraph_exited":
                 ran.outputs |= event.data["outputs"]
 
-        ran.result = run_graph(graph, RunSetup(cell=world, task=self.task, seed=1, lockstep=True), [listen])
+        ran.result = run_graph(
+            graph, RunSetup(cell=world, task=self.task, seed=1, lockstep=True, renderer=REGISTRY.renderer), [listen]
+        )
         return ran
 
     def close(self) -> None:

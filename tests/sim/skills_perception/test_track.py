@@ -147,7 +147,11 @@ def watch(kitchen):
 
         unsubscribe = world.subscribe(keep, HZ, world.camera_names)
         try:
-            seen.result = run_graph(graph, RunSetup(cell=world, task=kitchen.task, seed=1, lockstep=True), [listen])
+            seen.result = run_graph(
+                graph,
+                RunSetup(cell=world, task=kitchen.task, seed=1, lockstep=True, renderer=REGISTRY.renderer),
+                [listen],
+            )
         finally:
             unsubscribe()
         return seen

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from gap_robots.spheres import cover_model
-from gap_robots.visuals import LOOKS, add_looks, mesh_folder
+from gap_robots.visuals import panda_visuals
 
 KINDS = ("velocity", "acceleration", "jerk", "torque")
 
@@ -139,20 +139,13 @@ def surface(model, geom, rng):
     return points @ R.reshape(3, 3).T + model.geom_pos[geom]
 
 
-def test_looks_are_added_without_touching_the_physics(robot):
-    mjcf = pytest.importorskip("dm_control.mjcf")
+def test_visual_meshes_are_of_links_that_the_model_has(robot):
     spec = robot("panda")
-    if mesh_folder("panda") is None:
-        pytest.skip("rtb-data is not installed")
-    model = mjcf.from_path(str(spec.model_file))
-    assert add_looks(model, spec)
-    dressed = mujoco.MjModel.from_xml_string(model.to_xml_string(), model.get_assets())
-    plain = mujoco.MjModel.from_xml_path(str(spec.model_file))
-    np.testing.assert_allclose(dressed.body_mass, plain.body_mass)
-    assert (dressed.geom_contype != 0).sum() == (plain.geom_contype != 0).sum()
-    assert {body for body in LOOKS["panda"][1]} <= {dressed.body(i).name for i in range(dressed.nbody)}
+    model = mujoco.MjModel.from_xml_path(str(spec.model_file))
+    assert {v.link for v in spec.visuals} <= {model.body(i).name for i in range(model.nbody)}
+    assert all(v.file.is_file() for v in spec.visuals)
 
 
-def test_without_meshes_a_robot_keeps_its_shapes(robot, monkeypatch):
-    monkeypatch.setattr("gap_robots.visuals.mesh_folder", lambda name: None)
-    assert not add_looks(object(), robot("panda"))
+def test_without_meshes_a_robot_keeps_its_shapes(monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert panda_visuals() == ()
