@@ -260,8 +260,9 @@ def test_where_the_kernel_cannot_filter_nothing_runs_unless_told_so(tmp_path):
 PANDA = load_registry().robots["panda"].value()
 
 
-def test_a_robot_s_spec_arrives_whole_but_for_where_its_model_lies(run):
-    assert replace(spec_of(plain(PANDA)), model_file=PANDA.model_file) == PANDA
+def test_a_robot_s_spec_arrives_whole_but_for_its_files(run):
+    bare = spec_of(plain(PANDA))
+    assert bare.visuals == () and replace(bare, model_file=PANDA.model_file, visuals=PANDA.visuals) == PANDA
     source = (
         "from gap_runtime.contracts.robot import RobotSpec\n"
         "from gap_runtime.contracts.tool import ScriptContext\n"
