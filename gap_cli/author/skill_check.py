@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence, Set
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from gap_cli.author.build import Generated, draft
 from gap_cli.author.plans import Plan, PlanData, Segment
 from gap_cli.author.steps import literal_source
 from gap_cli.skills import SkillBundle, SkillLibrary
+from gap_cli.skills.bundle import read_bundle
 from gap_runtime.contracts.cell import Cell
 from gap_runtime.contracts.documents import read_text
 from gap_runtime.contracts.skill import NAME_SLOT, SkillContract
@@ -25,15 +26,41 @@ _ALONE = {"S13"}  # nothing precedes a skill that is tried alone, so nothing pro
 _LITERALS: dict[str, Any] = {"string": "thing", "float": 1.0, "int": 1, "bool": True}
 
 
+def check_folder(path: Path, tools: Mapping[str, ToolSpec]) -> list[Finding]:
+    """Every problem of the skill in a folder, of its files first; empty when it can be used in a graph."""
+    bundle, errors = read_bundle(path)
+    findings = [
+        Finding(error.where.removeprefix(f"{path}/"), CODE, problem, error.hint)
+        for error in errors
+        for problem in error.problems
+    ]
+    if bundle is None:
+        scripts = sorted(path.glob("scripts/*.py"))
+        return [*findings, *_scripts({p.stem: p for p in scripts}, None)]
+    return [*findings, *check_skill(bundle, tools)]
+
+
 def check_skill(bundle: SkillBundle, tools: Mapping[str, ToolSpec]) -> list[Finding]:
     """Every problem of one skill, sorted; empty when it can be used in a graph.
 
     `tools` are those that are served; a skill whose tools are not is a finding too.
     """
-    findings = [*_tools(bundle, tools), *_scripts(bundle)]
-    if bundle.contract.kind == "composite" and not findings:
-        findings += _subgraph(bundle, tools)
+    allowed = set(bundle.contract.tools)
+    unknown = [name for name in bundle.contract.tools if name not in tools]
+    findings = [Finding(f"tools.{n}", CODE, f"no plugin serves {n!r}", did_you_mean(n, tools)) for n in unknown]
+    findings += _scripts(bundle.scripts, allowed)
+    if bundle.contract.kind == "composite" and bundle.template:
+        said = {f.message for f in findings}
+        findings += [
+            f for f in _subgraph(bundle, tools) if f.message not in said and not _repeats(f, unknown, findings)
+        ]
     return sorted(findings)
+
+
+def _repeats(finding: Finding, unknown: Sequence[str], findings: Sequence[Finding]) -> bool:
+    """Whether a rule of the graph says again what was said of the contract's tools or of a script."""
+    calls = any(f.path.startswith("scripts.") for f in findings) and ".script" in finding.path
+    return finding.code in ("K2", "K4") and (calls or any(f"{n!r}" in finding.message for n in unknown))
 
 
 def sample_plan(bundle: SkillBundle) -> tuple[Plan, dict[str, str]]:
@@ -69,22 +96,16 @@ def draft_alone(bundle: SkillBundle, tools: Mapping[str, ToolSpec]) -> Generated
     return draft(plan, labels, SkillLibrary([bundle]), tools)
 
 
-def _tools(bundle: SkillBundle, tools: Mapping[str, ToolSpec]) -> Iterator[Finding]:
-    for name in bundle.contract.tools:
-        if name not in tools:
-            yield Finding(f"tools.{name}", CODE, f"no plugin serves {name!r}", did_you_mean(name, tools))
-
-
-def _scripts(bundle: SkillBundle) -> Iterator[Finding]:
-    allowed = set(bundle.contract.tools)
-    for logical, file in bundle.scripts.items():
+def _scripts(scripts: Mapping[str, Path], allowed: Set[str] | None) -> Iterator[Finding]:
+    """What is wrong with scripts by logical name; `allowed` are the tools the contract lists, where it can be read."""
+    for logical, file in scripts.items():
         path = f"scripts.{logical}"
         try:
             spec = read_signature(read_text(file), str(file))
         except GapError as error:
             yield Finding(path, CODE, error.message, error.hint)
             continue
-        for name in sorted(spec.tools - allowed):
+        for name in sorted(spec.tools - allowed) if allowed is not None else ():
             yield Finding(path, CODE, f"calls {name}, which the contract does not list", "Add it below tools:.")
 
 

@@ -75,16 +75,22 @@ def new(
 
 @app.command()
 def check(
-    paths: Annotated[list[Path], typer.Argument(metavar="PATH...", help="Skill folders.", file_okay=False)],
+    paths: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="PATH...", help="Skills, or folders of skills at any depth.", exists=True, file_okay=False
+        ),
+    ],
     json: AsJson = False,
 ) -> None:
     """Check skills: SKILL.md, contract, scripts, template, and the graph they make. Exit code 1 for problems."""
-    from gap_cli.author.skill_check import check_skill
-    from gap_cli.skills import load_bundle
+    from gap_cli.author.skill_check import check_folder
+    from gap_cli.skills.library import find_skills
     from gap_runtime.plugins import load_registry
 
     tools = {name: tool.spec for name, tool in load_registry().tools.items()}
-    found = {str(path): check_skill(load_bundle(path.resolve()), tools) for path in paths}
+    folders = dict.fromkeys(folder for path in paths for folder in find_skills(path))
+    found = {str(folder): check_folder(folder.resolve(), tools) for folder in folders}
     bad = sum(f.severity == "error" for findings in found.values() for f in findings)
     if json:
         print_json([{"skill": path, **f.as_dict()} for path, findings in found.items() for f in findings])

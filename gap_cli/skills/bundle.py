@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import hashlib
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 from gap_cli.skills.facts import meaning
 from gap_cli.skills.frontmatter import parse_skill_md
-from gap_runtime.contracts.documents import parse_yaml, read_text
+from gap_runtime.contracts.documents import located, parse_yaml, read_text, yaml_lines
 from gap_runtime.contracts.failures import DocumentError
 from gap_runtime.contracts.skill import SkillContract, check_relative
 
 SKILL_MD = "SKILL.md"
 CONTRACT_KEY = "gap-contract"
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -54,34 +57,78 @@ class SkillBundle:
 
 def load_bundle(path: Path, plugin: str = "") -> SkillBundle:
     """Read and check one skill directory. Raises `DocumentError` naming the file and, where it can, the line."""
+    bundle, errors = read_bundle(path, plugin)
+    if bundle is None or errors:
+        raise errors[0]
+    return bundle
+
+
+def read_bundle(path: Path, plugin: str = "") -> tuple[SkillBundle | None, list[DocumentError]]:
+    """The skill in a directory, as far as it can be read, and every error of its files."""
+    errors = _Errors()
     where = str(path / SKILL_MD)
     if path.is_symlink():
-        raise DocumentError(str(path), "is a symbolic link", hint="Copy the skill, or register its real folder.")
-    head, body = parse_skill_md(read_text(_inside(path, SKILL_MD, where)), where)
-    if head.name != path.name:
-        raise DocumentError(where, f"name {head.name!r} differs from its folder {path.name!r}", hint="Rename either.")
-    file = _contract_path(path, head.metadata, where)
-    contract = SkillContract.load(parse_yaml(read_text(file), str(file)), str(file))
+        hint = "Copy the skill, or register its real folder."
+        return None, [DocumentError(str(path), "is a symbolic link", hint=hint)]
+    head, body = errors.of(lambda: parse_skill_md(read_text(_inside(path, SKILL_MD, where)), where)) or (None, "")
+    if head is not None and head.name != path.name:
+        errors.add(where, f"name {head.name!r} differs from its folder {path.name!r}", "Rename either.")
+    file = errors.of(lambda: _contract_path(path, head.metadata if head else {CONTRACT_KEY: "contract.yaml"}, where))
+    contract = errors.of(lambda: load_contract(file)) if file else None
+    if contract is None or file is None:
+        return None, errors.found
     at = str(file)
-    try:
-        meaning(contract)
-    except ValueError as error:
-        raise DocumentError(at, str(error)) from None
 
     def group(paths: Mapping[str, str]) -> dict[str, Path]:
-        return {logical: _text_file(path, relative, at) for logical, relative in paths.items()}
+        found = {name: errors.of(partial(_text_file, path, relative, at)) for name, relative in paths.items()}
+        return {name: p for name, p in found.items() if p}
 
+    singles = group({"template": contract.template or "", "checkpoints": contract.checkpoints or ""})
     bundle = SkillBundle(
-        head.name, head.description, body, path, plugin, contract,
+        path.name, head.description if head else "", body, path, plugin, contract,
         scripts=group(contract.scripts),
         prompts=group(contract.prompts),
         references=group(contract.references),
-        template=_text_file(path, contract.template, at) if contract.template else None,
-        checkpoints=_text_file(path, contract.checkpoints, at) if contract.checkpoints else None,
+        template=singles.get("template"),
+        checkpoints=singles.get("checkpoints"),
         contract_file=file,
     )  # fmt: skip
-    _check_clashes(bundle, at)
-    return bundle
+    errors.of(lambda: _check_clashes(bundle, at))
+    return bundle, errors.found
+
+
+def load_contract(file: Path) -> SkillContract:
+    """The contract in a file. Raises `DocumentError` with every problem and its line."""
+    text = read_text(file)
+    data = parse_yaml(text, str(file))
+    try:
+        contract = SkillContract.load(data, str(file))
+    except DocumentError as error:
+        raise located(error, yaml_lines(text)) from None
+    try:
+        meaning(contract)
+    except ValueError as error:
+        raise DocumentError(str(file), str(error)) from None
+    return contract
+
+
+class _Errors:
+    """Collects what reading the parts of a skill raises."""
+
+    def __init__(self) -> None:
+        self.found: list[DocumentError] = []
+
+    def of(self, read: Callable[[], T]) -> T | None:
+        """What `read` gives; None where it raises `DocumentError`."""
+        try:
+            return read()
+        except DocumentError as error:
+            self.found.append(error)
+            return None
+
+    def add(self, where: str, problem: str, hint: str) -> None:
+        """One more error."""
+        self.found.append(DocumentError(where, problem, hint=hint))
 
 
 def _contract_path(path: Path, metadata: Mapping[str, str], where: str) -> Path:
@@ -96,8 +143,10 @@ def _contract_path(path: Path, metadata: Mapping[str, str], where: str) -> Path:
     return _inside(path, relative, where)
 
 
-def _text_file(root: Path, relative: str, where: str) -> Path:
-    """A file of the skill, proven to be readable clean text."""
+def _text_file(root: Path, relative: str, where: str) -> Path | None:
+    """A file of the skill, proven to be readable clean text; None where none is named."""
+    if not relative:
+        return None
     file = _inside(root, relative, where)
     read_text(file)
     return file

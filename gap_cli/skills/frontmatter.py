@@ -1,13 +1,14 @@
-"""The head of a SKILL.md, read strictly: what the Agent Skills validator would refuse or guess at is an error here."""
+"""The head of a SKILL.md, as strict as the Agent Skills validator: what that would refuse is an error here."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import yaml
 from pydantic import Field, field_validator
 
-from gap_runtime.contracts.documents import check_text, parse_yaml
+from gap_runtime.contracts.documents import check_text, located, parse_yaml, yaml_lines
 from gap_runtime.contracts.failures import DocumentError
 from gap_runtime.contracts.models import Document
 
@@ -32,11 +33,8 @@ class Frontmatter(Document):
         return text.strip()
 
 
-def parse_skill_md(text: str, where: str) -> tuple[Frontmatter, str]:
-    """Split a SKILL.md into its checked frontmatter and its Markdown body.
-
-    Raises `DocumentError` with the line of the problem.
-    """
+def split_frontmatter(text: str, where: str) -> tuple[str, str]:
+    """The YAML between the fences, on the lines it has in the file, and the Markdown below. Raises `DocumentError`."""
     lines = check_text(text, where).replace("\r\n", "\n").split("\n")
     if lines[0] != FENCE:
         raise DocumentError(
@@ -45,32 +43,33 @@ def parse_skill_md(text: str, where: str) -> tuple[Frontmatter, str]:
     end = next((i for i, line in enumerate(lines[1:], 1) if line.rstrip() == FENCE), None)
     if end is None:
         raise DocumentError(f"{where}:1", "frontmatter is never closed", hint=f"End it with a {FENCE} line.")
-    head = "\n".join(["", *lines[1:end]])  # the empty first line keeps line numbers those of the file
-    _check_plain(head, where)
-    data = parse_yaml(head, where)
+    return "\n".join(["", *lines[1:end]]), "\n".join(lines[end + 1 :]).strip()
+
+
+def parse_skill_md(text: str, where: str) -> tuple[Frontmatter, str]:
+    """Split a SKILL.md into its checked frontmatter and its Markdown body.
+
+    Raises `DocumentError` with every problem and its line.
+    """
+    head, body = split_frontmatter(text, where)
+    data = parse_yaml(head, where, text_only=True)
     if not isinstance(data, dict):
         raise DocumentError(f"{where}:2", "frontmatter must be a mapping of keys")
-    body = "\n".join(lines[end + 1 :]).strip()
-    if not body:
-        raise DocumentError(f"{where}:{end + 1}", "has no text below the frontmatter")
-    return Frontmatter.load(data, where), body
+    problems = [*_unreadable(head), *([] if body else ["has no text below the frontmatter"])]
+    try:
+        checked = Frontmatter.load(data, where)
+    except DocumentError as error:
+        problems += located(error, yaml_lines(head)).problems
+    if problems:
+        raise DocumentError(where, *problems)
+    return checked, body
 
 
-def _check_plain(head: str, where: str) -> None:
-    """Refuse what the Agent Skills validator cannot read: flow style, tags, and its fence inside a value."""
+def _unreadable(head: str) -> Iterator[str]:
+    """What the Agent Skills validator cannot read: flow style, and its fence inside a value."""
     for number, line in enumerate(head.split("\n"), 1):
         if FENCE in line:
-            raise DocumentError(f"{where}:{number}", f"holds {FENCE}, which other readers take for the end of the head")
-    try:
-        for event in yaml.parse(head, Loader=yaml.SafeLoader):
-            _check_event(event, where)
-    except yaml.YAMLError:
-        return  # parse_yaml, which comes next, reports it with its line
-
-
-def _check_event(event: Any, where: str) -> None:
-    line = f"{where}:{event.start_mark.line + 1}"
-    if getattr(event, "flow_style", None):
-        raise DocumentError(line, "uses flow style, which the Agent Skills format does not", hint="One key per line.")
-    if getattr(event, "tag", None):
-        raise DocumentError(line, f"uses the tag {event.tag}", hint="Write the plain value.")
+            yield f"line {number}: holds {FENCE}, which other readers take for the end of the head"
+    events: Iterator[Any] = yaml.parse(head, Loader=yaml.SafeLoader)
+    for line in sorted({e.start_mark.line + 1 for e in events if getattr(e, "flow_style", None)}):
+        yield f"line {line}: uses flow style, which the Agent Skills format does not; write one key or item a line"

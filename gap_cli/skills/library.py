@@ -140,6 +140,24 @@ def skill_folders(path: Path) -> list[Path]:
     return children
 
 
+def find_skills(path: Path) -> list[Path]:
+    """`path` where it is a skill, else the skills at any depth below it; hidden folders are not looked into.
+
+    Raises `DocumentError` where there is none.
+    """
+    found: list[Path] = []
+    waiting = [path]
+    while waiting:
+        folder = waiting.pop()
+        if _looks_like_skill(folder):
+            found.append(folder)
+        else:
+            waiting += [p for p in folder.iterdir() if p.is_dir() and not p.is_symlink() and p.name[0] not in "._"]
+    if not found:
+        raise DocumentError(str(path), "holds no skill", hint=f"Looked for {SKILL_MD} at any depth.")
+    return sorted(found)
+
+
 def _looks_like_skill(path: Path) -> bool:
     """Has a SKILL.md in any spelling, or a contract that lost it: left out in silence, either would hide a mistake."""
     if not path.is_dir():

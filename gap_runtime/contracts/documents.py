@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -128,11 +129,20 @@ class _StrictLoader(yaml.SafeLoader):
             self.refuse(node, f"{text} is not a finite decimal number")
 
 
-def parse_yaml(text: str, where: str) -> Any:
-    """Strictly parse one YAML document. Raises `DocumentError` with the line."""
+class _TextLoader(_StrictLoader):
+    """Every scalar is the text that is written, as in the Agent Skills format: `1.0`, `no` and `null` included."""
+
+    yaml_implicit_resolvers: dict[Any, Any] = {}
+
+    def _check_plain(self, node: yaml.ScalarNode) -> None:
+        pass
+
+
+def parse_yaml(text: str, where: str, *, text_only: bool = False) -> Any:
+    """Strictly parse one YAML document; with `text_only` every scalar is text. Raises `DocumentError` with the line."""
     if len(text) > MAX_YAML:
         raise DocumentError(where, f"is longer than {MAX_YAML // 1_000_000} MB")
-    loader = _StrictLoader(check_text(text, where))
+    loader = (_TextLoader if text_only else _StrictLoader)(check_text(text, where))
     loader.where = where
     try:
         return loader.get_single_data()
@@ -145,6 +155,36 @@ def parse_yaml(text: str, where: str) -> Any:
         raise DocumentError(where, f"is not YAML: {type(error).__name__}") from None
     finally:
         loader.dispose()
+
+
+def yaml_lines(text: str) -> dict[str, int]:
+    """The line of every key of a YAML document that `parse_yaml` accepts, by dotted path."""
+    found: dict[str, int] = {}
+    stack = [("", yaml.compose(text, Loader=yaml.SafeLoader))]
+    while stack:
+        path, node = stack.pop()
+        pairs = node.value if isinstance(node, yaml.MappingNode) else ()
+        items = [(key.value, key, value) for key, value in pairs]
+        if isinstance(node, yaml.SequenceNode):
+            items = [(str(i), value, value) for i, value in enumerate(node.value)]
+        for name, key, value in items:
+            found[f"{path}{name}"] = key.start_mark.line + 1
+            stack.append((f"{path}{name}.", value))
+    return found
+
+
+def located(error: DocumentError, lines: Mapping[str, int]) -> DocumentError:
+    """The error with the line before each of its problems, which begin with a dotted path."""
+
+    def line_of(problem: str) -> int:
+        path = problem.partition(": ")[0]
+        while path and path not in lines:
+            path = path.rpartition(".")[0]
+        return lines.get(path, 0)
+
+    problems = sorted((line_of(problem), problem) for problem in error.problems)
+    texts = [f"line {line}: {problem}" if line else problem for line, problem in problems]
+    return DocumentError(error.where, *texts, hint=error.hint)
 
 
 def parse_json(text: str, where: str) -> Any:

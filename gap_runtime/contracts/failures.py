@@ -104,11 +104,12 @@ class UnknownNameError(GapError):
 
 
 class DocumentError(GapError):
-    """A YAML, JSON or Markdown document that cannot be accepted. `where` is path[:line]."""
+    """A YAML, JSON or Markdown document that cannot be accepted. `where` is path[:line]; `problems` are all of them."""
 
-    def __init__(self, where: str, problem: str, *, hint: str = "") -> None:
-        self.where = where
-        super().__init__(f"{where}: {problem}", hint=hint)
+    def __init__(self, where: str, *problems: str, hint: str = "") -> None:
+        self.where, self.problems = where, problems
+        count = f"{len(problems)} problems: " if len(problems) > 1 else ""
+        super().__init__(f"{where}: {count}{'; '.join(problems)}", hint=hint)
 
 
 class InstructionError(GapError):

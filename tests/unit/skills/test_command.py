@@ -6,10 +6,12 @@ import json
 import shutil
 
 import pytest
+import skills_ref
 from typer.testing import CliRunner
 
 import morsl
 from gap_cli.commands.skills import app
+from gap_cli.skills import parse_skill_md
 from gap_runtime.errors import DocumentError, UnknownNameError
 
 MORSL = morsl.__path__[0]
@@ -71,6 +73,87 @@ def test_check_finds(tmp_path, file, old, new, says):
     done = gap("check", bad, "--json")
     assert done.exit_code == 1
     assert says in done.stdout
+
+
+FOREIGN = """---
+name: Stack-Cups
+description: >
+  Stacks cups. Use when cups stand about.
+license: MIT
+allowed_tools: gripper.Open
+metadata:
+  category: stacking
+  tags:
+    - cups
+  version: 1.0
+gap:
+  exit_conditions:
+    stacked: done
+---
+"""
+CONTRACT = """
+kind: composite
+stages: place
+exits: {success: {stacked: done}, failure: failed}
+inputs: {target_obb: OrientedBox}
+tools: [gripper.Opne]
+scripts: {stack: scripts/stack.py, gone: scripts/gone.py}
+"""
+
+
+def test_one_check_names_everything_wrong_with_every_skill(tmp_path):
+    foreign = tmp_path / "theirs/deep/stack-cups"
+    (foreign / "scripts").mkdir(parents=True)
+    (foreign / "SKILL.md").write_text(FOREIGN)
+    (foreign / "contract.yaml").write_text(CONTRACT)
+    (foreign / "scripts/stack.py").write_text("def run(ctx, height):\n    pass\n")
+    shutil.copytree(f"{MORSL}/perception-single", tmp_path / "ours/perception-single")
+    shutil.copytree(f"{MORSL}/grasp-direct-ik", tmp_path / "ours/grasp-direct")
+    done = gap("check", tmp_path / "theirs", tmp_path / "ours", "--json")
+    found = json.loads(done.stdout)
+    said = "\n".join(f"{f['skill']} {f['path']}: {f['message']}" for f in found)
+    for line, words in ((2, "Stack-Cups"), (6, "allowed_tools"), (9, "metadata.tags"), (12, "gap")):
+        assert any(f"line {line}: " in f["message"] and words in f["message"] for f in found), said
+    for words in ("no text below", "stages", "OrientedBox", "parameter 'height' of run has no type"):
+        assert words in said
+    assert "version" not in said  # a scalar is text to the format, whatever YAML makes of it
+    assert any(f["skill"].endswith("grasp-direct") and "differs from its folder" in f["message"] for f in found)
+    assert not any(f["skill"].endswith("perception-single") for f in found) and done.exit_code == 1
+
+
+FRONTMATTERS = {
+    "as ours": "description: Use it.",
+    "underscore": "description: Use it.\nallowed_tools: a",
+    "hyphen": "description: Use it.\nallowed-tools: a b",
+    "number": "description: Use it.\nmetadata:\n  version: 1.0",
+    "boolean": "description: yes\nlicense: no\nmetadata:\n  beta: true",
+    "date": "description: Use it.\nmetadata:\n  since: 2024-01-31",
+    "null": "description: null\nlicense: null",
+    "flow": "description: Use it.\nmetadata: {a: b}",
+    "flow list": "description: Use it.\nmetadata:\n  tags: [a]",
+    "extra": "description: Use it.\nversion: 1.0",
+    "twice": "description: a\ndescription: b",
+    "anchor": "description: &a b",
+    "tag": "description: !!str b",
+    "folded": "description: >\n  Use\n  it.",
+    "long": f"description: {'a' * 1025}",
+    "missing": "license: MIT",
+    "blank": "description: ''",
+}
+
+
+@pytest.mark.parametrize("case", FRONTMATTERS)
+def test_frontmatter_is_as_strict_as_the_formats_own_validator(tmp_path, case):
+    text = f"---\nname: pour\n{FRONTMATTERS[case]}\n---\n\nbody\n"
+    (tmp_path / "pour").mkdir()
+    (tmp_path / "pour/SKILL.md").write_text(text)
+    theirs = skills_ref.validate(tmp_path / "pour")
+    try:
+        parse_skill_md(text, "SKILL.md")
+    except DocumentError as error:
+        assert theirs and "SKILL.md:" in f"{error.where}:"
+    else:
+        assert theirs == []
 
 
 def test_a_folder_that_is_no_skill_is_one_error(tmp_path):

@@ -86,9 +86,9 @@ TRAPS = {
     "tab": ("---\nname: pour-cup\n\tdescription: x\n---\nbody\n", "not YAML"),
     "fence in a value": (head(description='"a --- b"'), "---"),
     "unknown key": (head(version='"1"'), "not a known key"),
-    "name no": (head(name="no"), "boolean"),
-    "name a number": (head(name="7"), "string"),
-    "name null": (head(name="null"), "string"),
+    "name no": (head(name="no"), "differs from its folder"),
+    "name a number": (head(name="7"), "differs from its folder"),
+    "name null": (head(name="null"), "differs from its folder"),
     "name missing": (head(name=None), "name"),
     "name upper case": (head(name="Pour-Cup"), "pattern"),
     "name with a path": (head(name="../pour-cup"), "pattern"),
@@ -103,7 +103,7 @@ TRAPS = {
     "NUL": (head(description="a\0b"), "U+0000"),
     "byte order mark inside": (head(description="a\ufeffb"), "U+FEFF"),
     "no contract": ("---\nname: pour-cup\ndescription: x\n---\nbody\n", "gap-contract"),
-    "metadata not text": (head().replace("contract.yaml", "7"), "string"),
+    "metadata not text": (head().replace("contract.yaml", "\n    - contract.yaml"), "line 5: metadata.gap-contract"),
 }
 
 
