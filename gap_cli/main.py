@@ -14,6 +14,7 @@ from gap_cli.commands.bench import bench
 from gap_cli.commands.demo import demo
 from gap_cli.commands.doctor import doctor
 from gap_cli.commands.generate import generate
+from gap_cli.commands.importing import import_
 from gap_cli.commands.plan import plan
 from gap_cli.commands.rehearse import rehearse
 from gap_cli.commands.report import report
@@ -46,6 +47,7 @@ app.command(rich_help_panel=PIPELINE)(demo)
 app.add_typer(skills, rich_help_panel=LIBRARY)
 app.add_typer(tools, rich_help_panel=LIBRARY)
 app.add_typer(tasks, rich_help_panel=LIBRARY)
+app.command("import", rich_help_panel=LIBRARY)(import_)
 app.command(rich_help_panel=UTILITIES)(bench)
 app.command(rich_help_panel=UTILITIES)(doctor)
 app.command(rich_help_panel=UTILITIES)(schema)

@@ -33,6 +33,7 @@ LAYER = {
     "gap_cli.testing": 7,
     "gap_cli.author": 7,
     "gap_cli.rehearse": 7,
+    "gap_cli.importer": 8,
     "gap_cli.refine": 8,
     "gap_cli.deploy": 8,
     "gap_cli.report": 8,

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from gap_cli.commands import checks
+from gap_cli.commands import doctor as checks
 from gap_runtime.plugins import load_registry
 
 PLUGIN = """
@@ -63,7 +63,7 @@ def test_every_registered_check_is_asked(monkeypatch, tmp_path):
 
 def test_torch_is_recognised_without_being_imported():
     code = (
-        "import sys; from gap_cli.commands import checks\n"
+        "import sys; from gap_cli.commands import doctor as checks\n"
         "found = checks._torch(); print(found.ok, found.found, 'torch' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)

@@ -8,7 +8,7 @@ from gap_cli.main import app
 from tests.unit.test_architecture import heavy_modules_after
 
 GROUPS = [g.typer_instance.info.name for g in app.registered_groups]
-COMMANDS = [c.callback.__name__ for c in app.registered_commands] + GROUPS
+COMMANDS = [c.name or c.callback.__name__ for c in app.registered_commands] + GROUPS
 
 
 def test_help_names_every_verb(gap):
