@@ -19,7 +19,7 @@ from gap_runtime.graph.compiled import CompiledGraph
 from gap_runtime.run.events import Event
 
 
-class Watch:
+class EpisodeMonitor:
     """Fills `nodes` and `subgraphs`, the two lists of an episode's row, and `computed`, the wall seconds each node
     computed while world time stood still."""
 

@@ -8,19 +8,22 @@ from typing import TYPE_CHECKING, Any
 
 from gap_cli.rehearse.episode import run_episode
 from gap_cli.rehearse.prepare import Prepared, prepare, tools_used
-from gap_cli.rehearse.recording.frames import save_frame
-from gap_cli.rehearse.warm import warm_up
+from gap_cli.rehearse.recording.pictures import save_frame
 from gap_cli.workspace.inventory import Inventory
 from gap_cli.workspace.metadata import recording_path
 from gap_cli.workspace.run import Run
 from gap_runtime.bundle.bundle import GraphBundle
 from gap_runtime.contracts.cell import CellFrame
 from gap_runtime.contracts.engine import EpisodeResult, RehearsalJob
+from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.simulator import Simulator
+from gap_runtime.contracts.task import Task
+from gap_runtime.contracts.task.rendering import ObjectRenderer, require_renderer
 from gap_runtime.errors import UnknownNameError
 from gap_runtime.graph.checkpoints import evaluate
+from gap_runtime.plugins import Registry
 from gap_runtime.run.execute import RunSetup
-from gap_runtime.run.services import ScriptRunner
+from gap_runtime.run.services import SHARED, ScriptRunner
 
 if TYPE_CHECKING:
     from gap_cli.rehearse.recording.mcap import McapRecorder
@@ -29,7 +32,7 @@ RECORD_HZ = 10.0
 
 
 @dataclass
-class Stage:
+class EpisodeRunner:
     """One worker's world and graph."""
 
     job: RehearsalJob
@@ -38,11 +41,11 @@ class Stage:
     jail: ScriptRunner | None
 
     @classmethod
-    def build(cls, job: RehearsalJob) -> Stage:
+    def build(cls, job: RehearsalJob) -> EpisodeRunner:
         """Compile the graph and make the world. Raises `GapError` for what would fail every episode."""
         inventory = Inventory.of(Run(job.run).config)
         prepared = prepare(GraphBundle.load(job.run), job.run, inventory)
-        warm_up(inventory.registry, inventory.task, frozenset(tools_used(prepared.graph)))
+        prepare_models(inventory.registry, inventory.task, frozenset(tools_used(prepared.graph)))
         return cls(job, prepared, make_simulator(prepared), open_jail(prepared))
 
     def roll(self, seed: int) -> EpisodeResult:
@@ -71,7 +74,7 @@ class Stage:
         return make_setup(self.prepared, self.simulator, seed, self.jail)
 
     def _picture(self, seed: int, which: str) -> None:
-        if self.job.frames and self.simulator.camera_names:
+        if self.job.frames:
             save_frame(self.simulator, self.job.output, seed, which)
 
 
@@ -110,10 +113,41 @@ def open_jail(prepared: Prepared) -> ScriptRunner | None:
     return ScriptJail().run
 
 
+@dataclass(frozen=True)
+class ModelContext:
+    """The part of a `ToolContext` that is known before any world is: the task, its robots, and what is made of them."""
+
+    task: Task
+    robots: tuple[RobotSpec, ...]
+    object_renderer: ObjectRenderer | None
+
+    @property
+    def renderer(self) -> ObjectRenderer:
+        """Renders object models. Raises `ToolError`."""
+        return require_renderer(self.object_renderer)
+
+    def robot(self, arm_id: int = 0) -> RobotSpec:
+        """The spec of one arm."""
+        return self.robots[arm_id]
+
+    def shared(self, key: str, make: Callable[[], Any]) -> Any:
+        """The process's own store, where nodes will find it."""
+        return SHARED.get(key, make)
+
+
+def prepare_models(registry: Registry, task: Task, used: frozenset[str]) -> None:
+    """Run the preparations of every plugin that serves one of the tools `used`, in the order of their names."""
+    plugins = {registry.tool(name).plugin for name in used}
+    context = ModelContext(task, tuple(registry.robot(placement.model) for placement in task.robots), registry.renderer)
+    for _, entry in sorted(registry.preparations.items()):
+        if entry.plugin in plugins:
+            entry.value(context)
+
+
 class _Recording:
     """An MCAP of one episode, from reset to verdict."""
 
-    def __init__(self, stage: Stage, seed: int) -> None:
+    def __init__(self, stage: EpisodeRunner, seed: int) -> None:
         from gap_cli.rehearse.recording.mcap import McapRecorder
 
         inventory = stage.prepared.inventory

@@ -82,7 +82,7 @@ class _Pool:
     def _read(self, worker: Worker) -> None:
         messages = worker.reader.read()
         if messages is None:
-            self._lost(worker, worker.epitaph())
+            self._lost(worker, worker.exit_reason())
             return
         for message in messages:
             if "error" in message:

@@ -1,4 +1,7 @@
-"""A worker process as its rehearsal holds it: started afresh (never forked), heard through a pipe, killed whole."""
+"""A worker process as its rehearsal holds it: started afresh (never forked), heard through a pipe, killed whole.
+
+Messages are lines of JSON over file descriptors that nothing else writes to.
+"""
 
 from __future__ import annotations
 
@@ -12,15 +15,53 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from gap_cli.rehearse.pipes import Reader, send
 from gap_runtime.contracts.engine import RehearsalJob
 
 OUT_OF_MEMORY = 86  # exit code of a worker that saw a MemoryError
 END_LIMIT_S = 3.0
+CHUNK, MAX_LINE = 1 << 16, 64 << 20
 _ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS"), "1"
 )  # workers share the cores, and a sum split over threads depends on their number
+
+
+class Reader:
+    """Reads messages from a file descriptor that may deliver them in pieces."""
+
+    def __init__(self, fd: int) -> None:
+        self.fd = fd
+        self._rest = b""
+
+    def read(self) -> list[dict[str, Any]] | None:
+        """The messages one read completes (maybe none); None once the other side is gone."""
+        try:
+            data = os.read(self.fd, CHUNK)
+        except ConnectionError:
+            data = b""
+        if not data:
+            return None
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        if len(self._rest) > MAX_LINE:
+            return None
+        return [json.loads(line) for line in lines]
+
+    def wait(self) -> dict[str, Any] | None:
+        """Block until the next message; None once the other side is gone. For a side that gets one at a time."""
+        while True:
+            messages = self.read()
+            if messages is None:
+                return None
+            if messages:
+                return messages[0]
+
+
+def send(fd: int, message: dict[str, Any]) -> None:
+    """Write one message. Raises `BrokenPipeError` when the other side is gone."""
+    data = json.dumps(message, ensure_ascii=False).encode() + b"\n"
+    while data:
+        data = data[os.write(fd, data) :]
 
 
 @dataclass
@@ -85,7 +126,7 @@ class Worker:
         with contextlib.suppress(OSError):
             os.close(self.reader.fd)
 
-    def epitaph(self) -> str:
+    def exit_reason(self) -> str:
         """Why it is gone, from its exit code and the last line of its log."""
         try:
             code = self.process.wait(END_LIMIT_S)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import shutil
+import signal
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 
 from gap_cli.rehearse.evaluate import LOCAL, Evaluation, Progress, Record, evaluate, make_engine
 from gap_cli.rehearse.feedback import feedback_text
-from gap_cli.rehearse.interrupts import interruptible
 from gap_cli.sandbox import level
 from gap_cli.workspace.canonical import json_text, jsonl_text
 from gap_cli.workspace.inventory import Inventory
@@ -68,3 +71,33 @@ def _clear(output: Path) -> None:
     for pattern in ("*.mcap", "*.mcap.part", "worker-*.log"):
         for path in output.glob(pattern):
             path.unlink(missing_ok=True)
+
+
+@contextmanager
+def interruptible(say: Callable[[str], None]) -> Iterator[threading.Event]:
+    """Ctrl-C in two steps: the first SIGINT sets the event, the second raises `KeyboardInterrupt`. SIGTERM and SIGHUP
+    raise at once."""
+    stop = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+
+    def on_interrupt(number: int, frame: FrameType | None) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+        say("Interrupted: finishing the episodes under way. Ctrl-C again stops now.")
+
+    def on_terminate(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = {
+        signal.SIGINT: signal.signal(signal.SIGINT, on_interrupt),
+        signal.SIGTERM: signal.signal(signal.SIGTERM, on_terminate),
+        signal.SIGHUP: signal.signal(signal.SIGHUP, on_terminate),
+    }
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -29,7 +29,7 @@ SCHEMA = "gap/result/v1"
 
 
 @dataclass(frozen=True)
-class Once:
+class RunOutcome:
     """How the run ended. `data` is result.json; `success` what the graph claims, and, in a simulator, what is true."""
 
     data: dict[str, Any]
@@ -54,7 +54,7 @@ def run_once(
     rules: Path | None = None,
     video: bool = False,
     observers: Sequence[Observer] = (),
-) -> Once:
+) -> RunOutcome:
     """Run the graph once and write `run/` (result, trace, video). Raises `RunError`, `DocumentError`, ...
 
     A dry run needs no valid graph, no world and no jail. `rules` is a file of substitutions; they apply to a dry run
@@ -86,7 +86,7 @@ def run_once(
     files = {"result.json": json_text(data), TRACE: jsonl_text([header, *tracer.rows[1:]])}
     write_stage(run, STAGE, files, keep=(VIDEO,) if film else ())
     record_stage(run, STAGE, start)
-    return Once(data, folder)
+    return RunOutcome(data, folder)
 
 
 def _dry(graph: CompiledGraph, seed: int, observers: Sequence[Observer]) -> dict[str, Any]:
@@ -110,10 +110,10 @@ def _simulated(
 ) -> dict[str, Any]:
     from gap_cli.rehearse.episode import run_episode
     from gap_cli.rehearse.episode_runner import make_setup, make_simulator, open_jail
-    from gap_cli.rehearse.recording.video import Film
+    from gap_cli.rehearse.recording.pictures import VideoRecorder
 
     simulator = make_simulator(prepared)
-    film = None if film_folder is None else Film(simulator, film_folder / VIDEO)
+    film = None if film_folder is None else VideoRecorder(simulator, film_folder / VIDEO)
     try:
         setup = make_setup(prepared, simulator, seed, open_jail(prepared))
         episode, _ = run_episode(prepared, simulator, setup, observers, film.start if film else lambda: None)

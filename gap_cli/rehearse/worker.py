@@ -14,8 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from gap_cli.rehearse.pipes import Reader, send
-from gap_cli.rehearse.process import OUT_OF_MEMORY, decode_job
+from gap_cli.rehearse.process import OUT_OF_MEMORY, Reader, decode_job, send
 from gap_runtime.contracts.engine import EpisodeResult, RehearsalJob
 from gap_runtime.contracts.failures import GapError
 
@@ -52,9 +51,9 @@ def serve(tasks: int, results: int, parent: int, job: RehearsalJob, make: Callab
 
 def prepare(job: RehearsalJob) -> Roll:
     """The function that rolls out one seed of `job`."""
-    from gap_cli.rehearse.episode_runner import Stage
+    from gap_cli.rehearse.episode_runner import EpisodeRunner
 
-    return Stage.build(job).roll
+    return EpisodeRunner.build(job).roll
 
 
 def _listen(tasks: int) -> queue.SimpleQueue[int]:

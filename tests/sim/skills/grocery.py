@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gap_cli.author import generate, plan
-from gap_cli.rehearse.episode_monitor import Watch
+from gap_cli.rehearse.episode_monitor import EpisodeMonitor
 from gap_cli.rehearse.judge import judge, make_conditions
 from gap_cli.skills import SkillLibrary, load_library
 from gap_runtime.contracts.task import load_task
@@ -43,7 +43,7 @@ class Cell:
         graph, checkpoints = graph_of(task, grasp, mode, folder)
         conditions = make_conditions(task, [{"target": "milk", "container": "basket"}])
         world.reset(world.sample(SEED))
-        watch = Watch(world, graph, checkpoints, conditions.objects)
+        watch = EpisodeMonitor(world, graph, checkpoints, conditions.objects)
         setup = RunSetup(
             cell=world, task=task, seed=SEED, cell_budget_s=task.max_time, lockstep=True, renderer=REGISTRY.renderer
         )

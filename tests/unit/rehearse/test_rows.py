@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from gap_cli.rehearse.episode import blame
 from gap_cli.rehearse.judge import Verdict
+from gap_cli.rehearse.rows import attribute_failure
 
 GOOD = Verdict({"contained": True}, True)
 
@@ -62,6 +62,6 @@ def result(status="success", end="done", error="", node=""):
     ],
 )  # fmt: skip
 def test_the_blame_goes_to(seen, ended, verdict, stage, cause):
-    found = blame(ended, seen, verdict)
+    found = attribute_failure(ended, seen, verdict)
     assert (found["stage"], found["cause"]) == (stage, cause)
     assert found["reason"]

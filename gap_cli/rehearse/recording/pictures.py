@@ -1,4 +1,4 @@
-"""A WebM of one camera in world time, for the page of a single run."""
+"""Pictures of an episode for people: its first and last frame, or a WebM in world time; nothing reads them back."""
 
 from __future__ import annotations
 
@@ -10,14 +10,41 @@ from typing import Any
 
 import numpy as np
 
+from gap_cli.workspace.atomic import replace_files
+from gap_cli.workspace.metadata import frame_path
 from gap_runtime.contracts.cell import CellFrame
 from gap_runtime.contracts.simulator import Simulator
 
+HEIGHT = 240  # px of a frame: a report shows hundreds of them
 HZ = 10.0  # frames per second of world time
-WIDTH = 480  # px
+WIDTH = 480  # px of a video
 
 
-class Film:
+def fixed_camera(simulator: Simulator) -> str:
+    """The first camera that no arm carries, else the first; '' without one."""
+    names = simulator.camera_names
+    return next((c for c in names if "wrist" not in c), next(iter(names), ""))
+
+
+def save_frame(simulator: Simulator, folder: Path, seed: int, which: str) -> None:
+    """Save what the first fixed camera sees now, where there is one. Never part of a policy, so never part of its time.
+
+    Raises `StorageError`.
+    """
+    import cv2
+
+    name = fixed_camera(simulator)
+    if not name:
+        return
+    (camera,) = simulator.observe([name]).cameras
+    rgb = camera.rgb.data
+    width = round(rgb.shape[1] * HEIGHT / rgb.shape[0])
+    small = cv2.resize(rgb, (width, HEIGHT), interpolation=cv2.INTER_AREA)
+    _, data = cv2.imencode(".png", cv2.cvtColor(small, cv2.COLOR_RGB2BGR))
+    replace_files({frame_path(folder, seed, which): data.tobytes()})
+
+
+class VideoRecorder:
     """Records from `start` to `stop`. `began` is the world time of its first frame [s], None before there is one."""
 
     def __init__(self, simulator: Simulator, file: Path) -> None:
@@ -26,9 +53,7 @@ class Film:
         self._simulator = simulator
         self._writer: Any = None
         self._unsubscribe: Callable[[], None] | None = None
-        self._camera = next(
-            (c for c in simulator.camera_names if "wrist" not in c), next(iter(simulator.camera_names), "")
-        )
+        self._camera = fixed_camera(simulator)
 
     def start(self) -> None:
         """From now on; without a camera there is nothing to record."""

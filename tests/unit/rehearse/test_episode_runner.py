@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from gap_cli.rehearse.warm import warm_up
+from gap_cli.rehearse.episode_runner import prepare_models
 from gap_runtime.plugins import Entry
 
 
@@ -17,13 +17,13 @@ def registry(called):
 def test_only_the_plugins_in_use_are_prepared():
     called = []
     task = SimpleNamespace(robots=[SimpleNamespace(model="arm")])
-    warm_up(registry(called), task, frozenset({"svc.Look"}))
+    prepare_models(registry(called), task, frozenset({"svc.Look"}))
     ((name, context),) = called
     assert (name, context.task, context.robot(0)) == ("used", task, "spec of arm")
 
 
 def test_what_is_prepared_is_what_nodes_find():
-    from gap_cli.rehearse.warm import ModelContext
+    from gap_cli.rehearse.episode_runner import ModelContext
     from gap_runtime.run.services import SHARED
 
     made = ModelContext(None, ()).shared("test.warm", object)
