@@ -27,9 +27,6 @@ class ControlClock(Protocol):
     def period(self) -> float:
         """Of the control loop [s]: servos take one set-point per period."""
 
-    def step(self) -> None:
-        """Let one period pass; then every arm's `MotionExecutor.update` has been called."""
-
 
 class JointController(Protocol):
     """Position servos of one arm's joints, and what its own sensors report; shapes (n,)."""

@@ -1,4 +1,4 @@
-"""Carries out commands of one arm or of several on one clock: what was started earlier ends first, then they begin."""
+"""Carries out commands of one arm or of several, as processes that yield once per control period they wait for."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from gap_control.joint_controller import JointController
 from gap_control.trajectory_follower import TrajectoryFollower
 from gap_runtime.contracts.arm import Setpoint
 from gap_runtime.contracts.failures import MotionError
+from gap_runtime.contracts.simulator import Process
 from gap_runtime.contracts.types import Trajectory
 
 
@@ -16,7 +17,7 @@ class MotionExecutor:
     """The motion of one arm, if any is under way. Lives on the thread of the cell's control loop."""
 
     def __init__(self, controller: JointController) -> None:
-        self.controller, self.clock = controller, controller.clock
+        self.controller = controller
         self.motion: TrajectoryFollower | None = None
 
     def update(self) -> None:
@@ -38,13 +39,13 @@ class MotionExecutor:
         motion, applied = self.motion, self.controller.applied
         return Setpoint(*applied, motion.goal if motion is not None and motion.active else applied.positions)
 
-    def finish(self) -> None:
+    def finish(self) -> Process[None]:
         """Let a motion that was started come to its end. Raises its `MotionError`, unless it was told to stop."""
         motion = self.motion
         if motion is None:
             return
         while not motion.done:
-            self.clock.step()
+            yield
         self.motion = None
         if motion.failure is None or motion.stopped():
             return
@@ -56,10 +57,10 @@ class MotionExecutor:
             detail={**error.detail, "started_s": round(motion.started, 3)},
         ) from error
 
-    def raise_failure(self) -> None:
+    def raise_failure(self) -> Process[None]:
         """Raise the failure of a motion that was started, if it has one by now, once the arm is at rest."""
         if self.motion is not None and self.motion.failure and not self.motion.stopped():
-            self.finish()
+            yield from self.finish()
 
 
 @dataclass(frozen=True)
@@ -78,18 +79,18 @@ class Command:
         )
 
 
-def execute(commands: Sequence[Command]) -> None:
+def execute(commands: Sequence[Command]) -> Process[None]:
     """Carry out all commands at the same time. Raises `MotionError`, once every one of these arms has come to rest.
 
     When one arm fails, all of them stop. Every control period moves all of them.
     """
     for command in commands:
-        command.executor.finish()
+        yield from command.executor.finish()
     motions = [command.motion() for command in commands]
     for command, motion in zip(commands, motions, strict=True):
         command.executor.begin(motion)
     while any(not motion.done for motion in motions):
-        commands[0].executor.clock.step()
+        yield
         if any(motion.failure for motion in motions):
             for motion in motions:
                 motion.end()
@@ -100,9 +101,9 @@ def execute(commands: Sequence[Command]) -> None:
             raise motion.failure
 
 
-def start(command: Command, *, replace: bool) -> None:
+def start(command: Command, *, replace: bool) -> Process[None]:
     """Begin a command and leave it under way. Raises `MotionError` (`refused`, or that of an earlier one)."""
     executor = command.executor
     if not (replace and executor.motion is not None and executor.motion.active):
-        executor.finish()
+        yield from executor.finish()
     executor.begin(command.motion(takeover=replace))

@@ -16,6 +16,7 @@ from gap_mujoco.thread import SimulatorThread
 from gap_runtime.contracts.arm import Compliance, ContactMotion, Setpoint
 from gap_runtime.contracts.failures import MotionError
 from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.contracts.simulator import SteppedClock
 from gap_runtime.contracts.task import RobotPlacement
 from gap_runtime.contracts.types import ArmState, Quaternion, Se3Pose, Trajectory, Vec3, Wrench
 
@@ -24,16 +25,22 @@ class MujocoArm:
     """An `Arm`. It moves by its actuators alone, within their torque limits."""
 
     def __init__(
-        self, index: int, spec: RobotSpec, placement: RobotPlacement, physics: Physics, thread: SimulatorThread
+        self,
+        index: int,
+        spec: RobotSpec,
+        placement: RobotPlacement,
+        physics: Physics,
+        thread: SimulatorThread,
+        clock: SteppedClock,
     ) -> None:
         self.controller = MujocoJointController(index, spec, placement, physics)
         self.executor = MotionExecutor(self.controller)
-        self._physics, self._thread = physics, thread
+        self._physics, self._thread, self._clock = physics, thread, clock
         half = np.radians(placement.yaw_deg) / 2
         rotation = Quaternion(float(np.cos(half)), 0.0, 0.0, float(np.sin(half)))
         self._base = Se3Pose(Vec3.of(placement.position), rotation)
         self._stops, self._lock = 0, threading.Lock()
-        self.gripper = MujocoGripper(self.controller.gripper, self.executor, thread, self.stop_flag)
+        self.gripper = MujocoGripper(self.controller.gripper, self.executor, thread, clock, self.stop_flag)
 
     @property
     def spec(self) -> RobotSpec:
@@ -55,19 +62,16 @@ class MujocoArm:
 
     def execute(self, trajectory: Trajectory, *, tolerance: float = 0.01) -> None:
         """Track a joint trajectory; see `gap_runtime.contracts.arm.Arm.execute`."""
-        self._thread.call(motion_executor.execute, [self.command(trajectory, tolerance)])
+        self._clock.run(motion_executor.execute([self.command(trajectory, tolerance)]))
 
     def start(self, trajectory: Trajectory, *, tolerance: float = 0.01, replace: bool = False) -> None:
         """Begin to track a joint trajectory; see `gap_runtime.contracts.arm.Arm.start`."""
-        self._thread.call(self._start, self.command(trajectory, tolerance), replace)
-
-    def _start(self, command: Command, replace: bool) -> None:
         self._physics.require_placed()
-        motion_executor.start(command, replace=replace)
+        self._clock.run(motion_executor.start(self.command(trajectory, tolerance), replace=replace))
 
     def finish(self) -> None:
         """Let a motion that was started come to its end; see `gap_runtime.contracts.arm.Arm.finish`."""
-        self._thread.call(self.executor.finish)
+        self._clock.run(self.executor.finish())
 
     def wrench(self) -> Wrench:
         """Not simulated yet."""

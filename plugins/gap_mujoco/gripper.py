@@ -8,6 +8,7 @@ from gap_control.motion_executor import MotionExecutor
 from gap_mujoco.control.parallel_gripper import ParallelGripper
 from gap_mujoco.thread import SimulatorThread
 from gap_runtime.contracts.robot import GripperSpec
+from gap_runtime.contracts.simulator import Process, SteppedClock
 from gap_runtime.contracts.types import GripperState
 
 
@@ -19,9 +20,11 @@ class MujocoGripper:
         gripper: ParallelGripper,
         executor: MotionExecutor,
         thread: SimulatorThread,
+        clock: SteppedClock,
         stop_flag: Callable[[], Callable[[], bool]],
     ) -> None:
-        self._gripper, self._executor, self._thread, self._stop_flag = gripper, executor, thread, stop_flag
+        self._gripper, self._executor, self._stop_flag = gripper, executor, stop_flag
+        self._thread, self._clock = thread, clock
 
     @property
     def spec(self) -> GripperSpec:
@@ -44,16 +47,20 @@ class MujocoGripper:
         self, width: float, *, force: float | None = None, settle: float = 0.5, wait: bool = True
     ) -> GripperState:
         """Drive the jaws; see `gap_runtime.contracts.arm.Gripper.set_width`."""
-        return self._command(self._gripper.move, width, force, settle if wait else None, self._stop_flag())
+        return self._clock.run(self._move(width, force, settle if wait else None, self._stop_flag()))
 
     def set_force(self, force: float) -> GripperState:
         """Squeeze with at most `force` [N] from now on."""
-        return self._command(self._gripper.set_force, force)
+        return self._clock.run(self._set_force(force))
 
-    def _command(self, command: Callable[..., None], *arguments: object) -> GripperState:
-        def run() -> GripperState:
-            self._executor.raise_failure()
-            command(*arguments)
-            return self._gripper.state()
+    def _move(
+        self, width: float, force: float | None, settle: float | None, stopped: Callable[[], bool]
+    ) -> Process[GripperState]:
+        yield from self._executor.raise_failure()
+        yield from self._gripper.move(width, force, settle, stopped)
+        return self._gripper.state()
 
-        return self._thread.call(run)
+    def _set_force(self, force: float) -> Process[GripperState]:
+        yield from self._executor.raise_failure()
+        self._gripper.set_force(force)
+        return self._gripper.state()

@@ -11,6 +11,7 @@ import numpy as np
 from gap_mujoco.model.compiled import TIMESTEP
 from gap_mujoco.model.scene import Scene
 from gap_runtime.contracts.failures import GapError, SimulationDivergedError
+from gap_runtime.contracts.simulator import Process
 
 _MAX_SPEED = 100.0  # m/s or rad/s: nothing in a cell moves faster and is still physics
 
@@ -74,6 +75,11 @@ class Physics:
         """Let `seconds` of world time pass, in whole steps."""
         for _ in range(round(seconds / TIMESTEP)):
             self.step()
+
+    def wait(self, seconds: float) -> Process[None]:
+        """The same as a process."""
+        self.require_placed()
+        yield from [None] * round(seconds / TIMESTEP)
 
     @contextmanager
     def unobserved(self) -> Iterator[None]:

@@ -20,7 +20,7 @@ from gap_runtime.contracts.access import access, assert_privileged, current_node
 from gap_runtime.contracts.cell import CellFrame
 from gap_runtime.contracts.failures import BadRequestError, GapError, TaskInfeasibleError, UnknownNameError
 from gap_runtime.contracts.robot import RobotSpec
-from gap_runtime.contracts.simulator import Instance
+from gap_runtime.contracts.simulator import Instance, SteppedClock
 from gap_runtime.contracts.snapshot import WorldSnapshot
 from gap_runtime.contracts.task import Task
 from gap_runtime.contracts.types import CameraObservation, Mask, Observation, Se3Pose, Trajectory
@@ -45,9 +45,10 @@ class MujocoSimulator:
     def _build(self, task: Task, scene: str, robots: Mapping[str, RobotSpec]) -> None:
         self._scene = compose(task, scene, robots)
         self._physics = Physics(self._scene)
+        self._clock = SteppedClock(self._thread.call, self._physics.step)
         self._noise = SensorNoise(task, self._scene.cameras, self._scene.model)
         self._arms = tuple(
-            MujocoArm(i, spec, placement, self._physics, self._thread)
+            MujocoArm(i, spec, placement, self._physics, self._thread, self._clock)
             for i, (spec, placement) in enumerate(self._scene.robots)
         )
         controllers = tuple(arm.controller for arm in self._arms)
@@ -65,6 +66,11 @@ class MujocoSimulator:
     def scene(self) -> str:
         """Which scene of the task this is."""
         return self._scene_name
+
+    @property
+    def clock(self) -> SteppedClock:
+        """By which all commands wait."""
+        return self._clock
 
     @property
     def time(self) -> float:
@@ -185,13 +191,13 @@ class MujocoSimulator:
         if unknown:
             raise UnknownNameError("arm", str(unknown[0]), [str(i) for i in range(len(self._arms))])
         given = [self._arms[i].command(motions[i], tolerance) for i in sorted(motions)]
-        self._thread.call(motion_executor.execute, given)
+        self._clock.run(motion_executor.execute(given))
 
     def wait(self, seconds: float) -> None:
         """Let world time pass."""
         if not 0 <= seconds <= 600:
             raise BadRequestError("range", f"Cannot wait {seconds} s; 0 to 600 s is possible.")
-        self._thread.call(self._physics.run, seconds)
+        self._clock.run(self._physics.wait(seconds))
 
     def snapshot(self) -> WorldSnapshot:
         """Ground truth. Raises `PrivilegedReadError` inside a policy node."""

@@ -48,7 +48,9 @@ def _tool_holds(spec: ToolSpec, known: dict[str, Any]) -> Iterator[Hold]:
 
 
 def clash(a: Hold, b: Hold) -> bool:
-    """True when the two cannot be held at the same time."""
+    """True when the two cannot be held at the same time. All that move share the clock, and so do all that sense."""
+    if a.resource == b.resource == CLOCK:
+        return a.shared != b.shared
     if a.shared and b.shared:
         return False
     kind, _, which = a.resource.partition(":")
@@ -57,7 +59,7 @@ def clash(a: Hold, b: Hold) -> bool:
 
 
 def r1_r2_one_holder_at_a_time(sg: SubgraphContext) -> Iterator[Finding]:
-    """R1: two nodes may hold one actuator at once. R2: one may move the robot while another senses or moves."""
+    """R1: two nodes may hold one actuator at once. R2: one may move the robot while another senses."""
     held = {name: found for name in sg.nodes if (found := holds(sg, name))}
     names = list(held)
     for i, a in enumerate(names):
@@ -120,7 +122,7 @@ def r4_one_end_per_pass(sg: SubgraphContext) -> Iterator[Finding]:
 
 
 def r1_r2_subgraphs_side_by_side(context: WorkflowContext) -> Iterator[Finding]:
-    """R1: two subgraphs may hold one actuator at once. R2: one may move the robot while the other senses or moves."""
+    """R1: two subgraphs may hold one actuator at once. R2: one may move the robot while the other senses."""
     if not context.exit_flow.forks:
         return
     nodes = dict(context.subgraph_nodes())

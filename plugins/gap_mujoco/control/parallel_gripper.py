@@ -10,6 +10,7 @@ from gap_control.setpoints import refused
 from gap_mujoco.physics import Physics
 from gap_runtime.contracts.failures import MotionError
 from gap_runtime.contracts.robot import RobotSpec
+from gap_runtime.contracts.simulator import Process
 from gap_runtime.contracts.types import GripperState
 
 DEFAULT_FORCE = 30.0  # [N]: holds 0.5 kg at friction 0.6 against 2 g
@@ -65,7 +66,9 @@ class ParallelGripper:
         self._stopped = lambda: False
         self._limit(DEFAULT_FORCE)
 
-    def move(self, width: float, force: float | None, settle: float | None, stopped: Callable[[], bool]) -> None:
+    def move(
+        self, width: float, force: float | None, settle: float | None, stopped: Callable[[], bool]
+    ) -> Process[None]:
         """Drive to `width` [m] with at most `force` [N] until there or blocked, and let `settle` [s] pass.
 
         With `settle` None only begin. Once `stopped`, they go no further and keep squeezing. Raises `MotionError`:
@@ -76,9 +79,11 @@ class ParallelGripper:
         self._set_target(width, force, stopped)
         if settle is not None:
             while not self._done():
-                self._step()
+                self._raise_if_stopped()
+                yield
             for _ in range(round(settle / self._physics.period)):
-                self._step()
+                self._raise_if_stopped()
+                yield
 
     def set_force(self, force: float) -> None:
         """Push with at most `force` [N] from now on. Raises `MotionError` (`refused`)."""
@@ -95,10 +100,9 @@ class ParallelGripper:
         self._target, self._stopped = width, stopped
         self._still = self._waited = 0
 
-    def _step(self) -> None:
+    def _raise_if_stopped(self) -> None:
         if self._stopped():
             raise MotionError("stopped", "The arm was told to stop.")
-        self._physics.step()
 
     def write_control(self) -> None:
         """Write this step's control: the set-point walks to the target at no more than full speed."""

@@ -1,17 +1,21 @@
-"""Two arms in one world, in lock-step."""
+"""Two arms in one cell, in lock-step and in parallel branches."""
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from gap_runtime.contracts.encoding.codec import to_plain
 from gap_runtime.contracts.failures import BadRequestError, MotionError
 from gap_runtime.contracts.task import load_task
 from gap_runtime.contracts.types import JointState, Quaternion, Se3Pose, Vec3
 from gap_runtime.plugins import load_registry
+from gap_runtime.run.execute import RunSetup, run_graph
+from gap_runtime.testing import compile_fake, fake_workflow
 
 pytestmark = pytest.mark.sim
 DOWN = Quaternion(0.0, 1.0, 0.0, 0.0)
@@ -30,7 +34,9 @@ def cell():
         renderer=registry.renderer,
     )  # fmt: skip
     world.reset(world.sample(0))
-    yield SimpleNamespace(cell=world, call=lambda name, **inputs: registry.tool(name)(context, **inputs))
+    yield SimpleNamespace(
+        cell=world, task=task, tools=registry.tools, call=lambda name, **inputs: registry.tool(name)(context, **inputs)
+    )
     world.close()
 
 
@@ -97,3 +103,42 @@ def test_a_policy_action_moves_the_tcp_by_its_delta(cell):
     assert cell.call("gripper.GetPosition").width < 0.01
     with pytest.raises(BadRequestError):
         cell.call("robot_control.ApplyPolicyAction", action=[2.0, 0, 0, 0, 0, 0, 0])
+
+
+POSES = (Se3Pose(Vec3(-0.15, 0.2, 0.35), DOWN), Se3Pose(Vec3(0.3, -0.25, 0.35), DOWN))
+
+
+def in_branches(cell, arms):
+    """A fresh episode in which each of these arms moves in a branch of its own: how long it took, and where all is."""
+    cell.cell.reset(cell.cell.sample(0))
+    nodes = {
+        f"arm{arm}": {"type": "tool", "tool": "robot_control.GoToPoseArm", "inputs": {"arm_id": arm, "pose": pose}}
+        for arm, pose in enumerate(map(to_plain, POSES))
+        if arm in arms
+    }
+    edges = [("START", n) for n in nodes] + [(n, "done") for n in nodes]
+    graph = compile_fake(fake_workflow(nodes, edges), cell.tools["robot_control.GoToPoseArm"])
+    result = run_graph(graph, RunSetup(cell=cell.cell, task=cell.task, lockstep=True))
+    assert result.status == "success", result.error
+    return cell.cell.time, [arm.state().joints.positions.tobytes() for arm in cell.cell.arms]
+
+
+def test_arms_in_two_branches_take_as_long_as_the_longer_one_and_the_same_every_time(cell):
+    alone = [in_branches(cell, [arm])[0] for arm in (0, 1)]
+    first = in_branches(cell, [0, 1])
+    assert max(alone) - 0.05 < first[0] < max(alone) + 0.2 < sum(alone)
+    stop = threading.Event()
+
+    def spin():
+        while not stop.is_set():
+            sum(range(1000))
+
+    spinning = [threading.Thread(target=spin) for _ in range(2)]
+    for thread in spinning:
+        thread.start()
+    try:
+        assert all(in_branches(cell, [0, 1]) == first for _ in range(3))
+    finally:
+        stop.set()
+        for thread in spinning:
+            thread.join()

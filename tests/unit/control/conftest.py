@@ -23,6 +23,10 @@ class Clock:
     def __init__(self):
         self.time, self.arms = 0.0, []
 
+    def run(self, process):
+        for _ in process:
+            self.step()
+
     def step(self):
         self.time += PERIOD
         for controller, executor in self.arms:

@@ -65,16 +65,17 @@ def test_two_that_look_may_look_at_once_and_are_joined():
 @pytest.mark.parametrize(
     ("a", "b", "code"),
     [
-        ([MOVE], [MOVE], "R1"), ([GRIP], [GRIP], "R1"), ([MOVE], [GRIP], "R2"), ([MOVE], [LOOK], "R2"),
+        ([MOVE], [MOVE], "R1"), ([GRIP], [GRIP], "R1"), ([MOVE], [LOOK], "R2"),
         ([NOTHING, NOTHING, MOVE], [LOOK], "R2"),
     ],
 )  # fmt: skip
-def test_nothing_moves_beside_what_senses_or_moves(a, b, code):
+def test_nothing_moves_beside_what_senses_or_holds_the_same(a, b, code):
     assert codes(fork(a, b)) == [code]
 
 
-def test_one_may_move_beside_one_that_computes():
-    assert codes(fork([MOVE], [NOTHING])) == []
+@pytest.mark.parametrize("beside", [NOTHING, GRIP])
+def test_one_may_move_beside_one_that_computes_or_moves_something_else(beside):
+    assert codes(fork([MOVE], [beside])) == []
 
 
 def test_what_follows_one_branch_does_not_wait_for_the_others():
