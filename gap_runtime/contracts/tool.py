@@ -14,16 +14,17 @@ import typing
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
-from typing import Any, ClassVar, Generic, Literal, Protocol, TypedDict, TypeVar, Unpack, dataclass_transform
+from typing import Any, ClassVar, Generic, Protocol, TypedDict, TypeVar, Unpack, dataclass_transform
 
+from gap_runtime.contracts.access import Effect
 from gap_runtime.contracts.cell import Cell
+from gap_runtime.contracts.encoding.codec import field_refs, to_plain
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.task import Task
 from gap_runtime.contracts.task.rendering import ObjectRenderer
 from gap_runtime.contracts.types import CONTRACT_TYPES
 from gap_runtime.contracts.types.typeref import TypeRef
 
-Effect = Literal["pure", "sense", "actuate"]
 Result = TypeVar("Result")
 REQUIRED = inspect.Parameter.empty
 OBSERVED = "observed"  # in `ToolContext.state`: a deque of the last Observations taken from in.observation_stream
@@ -127,7 +128,7 @@ class ToolSpec:
         return {
             "name": self.name,
             "inputs": {
-                p.name: {"type": str(p.type)} if p.required else {"type": str(p.type), "default": _plain(p.default)}
+                p.name: {"type": str(p.type)} if p.required else {"type": str(p.type), "default": to_plain(p.default)}
                 for p in self.inputs
             },
             "output": str(self.output) if self.output else None,
@@ -273,14 +274,7 @@ def field_types(type_: TypeRef) -> dict[str, TypeRef]:
     cls = CONTRACT_TYPES.get(type_.name)
     if cls is None or type_.is_list:
         return {}
-    hints = typing.get_type_hints(cls, include_extras=True)
-    found: dict[str, TypeRef] = {}
-    for f in fields(cls):
-        try:
-            found[f.name] = TypeRef.of(hints[f.name])
-        except TypeError:
-            found[f.name] = TypeRef("any")
-    return found
+    return {name: ref or TypeRef("any") for name, ref in field_refs(cls).items()}
 
 
 def _typeref(hints: Mapping[str, Any], parameter: str, name: str) -> TypeRef:
@@ -297,9 +291,3 @@ def _default(f: Any) -> Any:
 
 def _without_frame(annotation: Any) -> Any:
     return typing.get_args(annotation)[0] if typing.get_origin(annotation) is typing.Annotated else annotation
-
-
-def _plain(value: Any) -> Any:
-    from gap_runtime.contracts.encoding.codec import to_plain
-
-    return to_plain(value)

@@ -9,9 +9,10 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from gap_runtime.contracts.access import Effect
 from gap_runtime.contracts.failures import DocumentError, GapError, did_you_mean
 from gap_runtime.contracts.skill import SkillContract
-from gap_runtime.contracts.tool import Effect, Param, Tool
+from gap_runtime.contracts.tool import Param, Tool
 from gap_runtime.graph.compiled import SCRIPT_DEADLINE_S, BoundCallable
 from gap_runtime.graph.scripts import ScriptSpec
 from gap_runtime.graph.values import Check, make_check, make_result_check

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal, Protocol
 
-from gap_runtime.contracts.tool import Effect, Param
+from gap_runtime.contracts.access import Effect
+from gap_runtime.contracts.tool import Param
 from gap_runtime.contracts.types.typeref import TypeRef
 from gap_runtime.graph.model import Workflow
 from gap_runtime.graph.values import Check
