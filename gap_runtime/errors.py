@@ -84,15 +84,21 @@ class RunError(GapError):
 
 @dataclass(frozen=True, order=True)
 class Finding:
-    """One problem. `path` is where in the workflow (`subgraphs.grasp_sg.nodes.close.inputs.arm_id`); `line` is the
-    line of builder code that wrote it, where there is one. An `error` stops the workflow; a `note` does not."""
+    """One problem. `path` is where in the workflow (`subgraphs.grasp_sg.nodes.close.inputs.arm_id`); `file`
+    and `line` are where that is written, where it is known. An `error` stops the workflow; a `note` does not."""
 
     path: str
     code: str
     message: str
     hint: str = ""
     severity: Literal["error", "note"] = "error"
+    file: str = ""
     line: int | None = None
+
+    @property
+    def source(self) -> str:
+        """`file:line`, as far as known."""
+        return f"{self.file}:{self.line}" if self.file and self.line else self.file or str(self.line or "")
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, None left out."""

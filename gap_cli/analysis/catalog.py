@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from pathlib import Path
 from typing import Any
 
-from gap_runtime.contracts.documents import read_text
+from gap_runtime.bundle.bundle import GraphBundle, checkpoint_files, script_files
 from gap_runtime.contracts.failures import GapError
-from gap_runtime.contracts.skill import NAME_SLOT, SkillContract, inside
+from gap_runtime.contracts.skill import NAME_SLOT, SkillContract
 from gap_runtime.contracts.tool import Param, ToolSpec
 from gap_runtime.contracts.types.typeref import TypeRef
 from gap_runtime.graph.checkpoints import Checkpoint, parse_checkpoints
-from gap_runtime.graph.model import Node, Workflow
+from gap_runtime.graph.model import Node
 from gap_runtime.graph.scripts import ScriptSpec, read_signature
 
 SLOT = "name"  # the key of `names` that fills NAME_SLOT
@@ -121,8 +120,7 @@ class Catalog:
 
 
 def read_catalog(
-    workflow: Workflow,
-    folder: Path,
+    bundle: GraphBundle,
     tools: Mapping[str, ToolSpec],
     skills: Mapping[str, SkillContract],
     objects: Iterable[str] | None = None,
@@ -131,23 +129,23 @@ def read_catalog(
     checkpoints: bool = True,
     descriptions: Mapping[str, str] | None = None,
 ) -> Catalog:
-    """The catalog for a workflow stored in `folder` beside scripts/ and checkpoints/. A file that cannot be read is a
-    `problem`, which the validator reports, not an error."""
+    """The catalog for a bundle's workflow. A file of it that cannot be read is a `problem`, which the validator
+    reports, not an error."""
     scripts: dict[str, ScriptSpec] = {}
     points: dict[str, tuple[Checkpoint, ...]] = {}
-    problems: dict[str, str] = {}
-    for path in sorted({n.script for d in workflow.subgraphs.values() for n in d.nodes.values() if n.script}):
-        try:
-            scripts[path] = read_signature(read_text(inside(folder, path)), path)
-        except GapError as error:
-            problems[path] = str(error)
-    for name in sorted(workflow.subgraphs) if checkpoints else ():
-        path = f"checkpoints/{name}.py"
-        try:
-            if inside(folder, path).exists():
-                points[name] = parse_checkpoints(read_text(inside(folder, path)), path)
-        except GapError as error:
-            problems[path] = str(error)
+    problems = dict(bundle.unreadable)
+    for path in script_files(bundle.workflow):
+        if path in bundle.files:
+            try:
+                scripts[path] = read_signature(bundle.files[path], path)
+            except GapError as error:
+                problems[path] = str(error)
+    for name, path in zip(bundle.workflow.subgraphs, checkpoint_files(bundle.workflow), strict=True):
+        if checkpoints and path in bundle.files:
+            try:
+                points[name] = parse_checkpoints(bundle.files[path], path)
+            except GapError as error:
+                problems[path] = str(error)
     return Catalog(
         tools,
         skills,

@@ -10,6 +10,7 @@ from gap_cli.analysis.catalog import SLOT, contract_names
 from gap_cli.author.build import Generated, draft
 from gap_cli.author.plans import Plan, PlanData, Segment
 from gap_cli.author.steps import literal_source
+from gap_cli.sandbox.script_check import check_scripts
 from gap_cli.skills import SkillBundle, SkillLibrary
 from gap_cli.skills.bundle import read_bundle
 from gap_runtime.contracts.cell import Cell
@@ -98,6 +99,9 @@ def draft_alone(bundle: SkillBundle, tools: Mapping[str, ToolSpec]) -> Generated
 
 def _scripts(scripts: Mapping[str, Path], allowed: Set[str] | None) -> Iterator[Finding]:
     """What is wrong with scripts by logical name; `allowed` are the tools the contract lists, where it can be read."""
+    for problem in check_scripts({name: read_text(file) for name, file in scripts.items()}):
+        where = str(scripts[problem.file])
+        yield Finding(f"scripts.{problem.file}", CODE, problem.message, problem.hint, file=where, line=problem.line)
     for logical, file in scripts.items():
         path = f"scripts.{logical}"
         try:

@@ -12,6 +12,8 @@ from gap_runtime.graph.model import SubgraphDef, Workflow
 from gap_runtime.graph.references import STREAM
 
 DISAGREE = "W4"
+SPEC_FILE = "plan/spec.py"
+Lines = dict[str, tuple[str, int]]  # path in a workflow -> file and line that wrote it
 
 
 class DeclaredSubgraph(Document):
@@ -70,12 +72,18 @@ def assemble(spec: Mapping[str, Any], subgraphs: Mapping[str, Mapping[str, Any]]
     return parse_workflow({**spec["def"], "subgraphs": joined}, "the assembled workflow")
 
 
-def assembled_lines(spec: Mapping[str, Any], subgraphs: Mapping[str, Mapping[str, Any]]) -> dict[str, int]:
-    """Path in the assembled workflow -> line of the builder code that wrote it, for `validate(..., lines=...)`."""
-    lines = dict(spec.get("lines", {}))
+def assembled_lines(spec: Mapping[str, Any], subgraphs: Mapping[str, Mapping[str, Any]]) -> Lines:
+    """Path in the assembled workflow -> file and line of the builder code that wrote it, for `validate(..., lines)`."""
+    lines = {path: (SPEC_FILE, line) for path, line in spec.get("lines", {}).items()}
     for name, subgraph in subgraphs.items():
-        lines |= {f"subgraphs.{name}.{path}": line for path, line in subgraph.get("lines", {}).items()}
+        for path, line in subgraph.get("lines", {}).items():
+            lines[f"subgraphs.{name}.{path}"] = (subgraph_file(name), line)
     return lines
+
+
+def subgraph_file(name: str) -> str:
+    """Where a run keeps the builder code of a subgraph definition."""
+    return f"generate/subgraphs/{name}.py"
 
 
 def _definition(data: Any, where: str) -> Any:

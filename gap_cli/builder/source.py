@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+import yaml
+
 from gap_cli.analysis.catalog import contract_names, infer_names
-from gap_runtime.contracts.documents import read_text
+from gap_cli.builder.assemble import SPEC_FILE, Lines, subgraph_file
 from gap_runtime.contracts.skill import SkillContract
-from gap_runtime.errors import GapError
 from gap_runtime.graph.checkpoints import Checkpoint
 from gap_runtime.graph.model import END, START, Edge, Routing, SubgraphDef, Workflow
 from gap_runtime.graph.references import KEY
 
+_Composer: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the C one is ten times as fast, where it was built
 _SG_HEAD = "from vos.builder import END, START, Ref, Subgraph\n"
 _SPEC_HEAD = "from vos.builder import START, WorkflowSpec\nfrom vos.runtime.workflow import ServiceCall\n"
 _PLACES = {
@@ -76,23 +77,45 @@ def spec_source(workflow: Workflow, skills: Mapping[str, SkillContract]) -> str:
     return "\n".join([*lines, *_edges("spec", w.edges, w.conditional_edges)]) + "\n"
 
 
-def folder_lines(workflow: Workflow, subgraphs: Path, spec: Path | None = None) -> dict[str, int]:
-    """Path in the workflow -> line of the code in `subgraphs`/<name>.py, or of `spec`, that wrote it.
+def builder_lines(workflow: Workflow, sources: Mapping[str, str]) -> Lines:
+    """Path in the workflow -> file and line of the builder code that wrote it. `sources` maps a file of the run
+    (`plan/spec.py`, `generate/subgraphs/<name>.py`) to its text.
 
-    Reads syntax only: what code in a loop added has no line here. A file that cannot be read gives none.
+    Reads syntax only: what code in a loop added has no line here. Text that is not Python gives none.
     """
-    lines = _lines(spec, "", workflow.edges) if spec is not None else {}
+    lines = _lines(sources, SPEC_FILE, "", workflow.edges)
     for name, definition in workflow.subgraphs.items():
-        lines |= _lines(subgraphs / f"{name}.py", f"subgraphs.{name}.", definition.edges)
+        lines |= _lines(sources, subgraph_file(name), f"subgraphs.{name}.", definition.edges)
     return lines
 
 
-def _lines(path: Path, prefix: str, edges: Sequence[Edge]) -> dict[str, int]:
+def workflow_lines(text: str, file: str) -> Lines:
+    """Path in the workflow -> line of workflow.json that says it; none where the text is not the JSON that YAML reads
+    too (the strict reader says what is wrong with it)."""
     try:
-        tree = ast.parse(read_text(path))
-    except (GapError, SyntaxError, ValueError, RecursionError):
+        return dict(_json_lines(yaml.compose(text, Loader=_Composer), "", file))
+    except (yaml.YAMLError, RecursionError):
         return {}
-    return {prefix + place: line for place, line in _placed(tree, list(map(tuple, edges)))}
+
+
+def _json_lines(node: Any, path: str, file: str) -> Iterator[tuple[str, tuple[str, int]]]:
+    pairs: Iterable[tuple[str, Any]] = ()
+    if isinstance(node, yaml.MappingNode):
+        pairs = [(str(key.value), value) for key, value in node.value]
+        yield from ((f"{path}{key.value}", (file, key.start_mark.line + 1)) for key, _ in node.value)
+    elif isinstance(node, yaml.SequenceNode):
+        pairs = [(str(i), value) for i, value in enumerate(node.value)]
+        yield from ((f"{path}{i}", (file, value.start_mark.line + 1)) for i, value in pairs)
+    for key, value in pairs:
+        yield from _json_lines(value, f"{path}{key}.", file)
+
+
+def _lines(sources: Mapping[str, str], file: str, prefix: str, edges: Sequence[Edge]) -> Lines:
+    try:
+        tree = ast.parse(sources.get(file, ""))
+    except (SyntaxError, ValueError, RecursionError):
+        return {}
+    return {prefix + place: (file, line) for place, line in _placed(tree, list(map(tuple, edges)))}
 
 
 def _placed(tree: ast.Module, edges: list[tuple[str, ...]]) -> Iterator[tuple[str, int]]:

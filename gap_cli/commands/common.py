@@ -34,7 +34,19 @@ def complete_task(incomplete: str) -> list[str]:
 RunName = Annotated[
     str | None,
     typer.Argument(
-        metavar="RUN", help="A run's name or folder; the latest when left out.", autocompletion=complete_run
+        metavar="RUN",
+        help="A run's name or folder, a folder that holds workflow.json, or that file; the latest run when left out.",
+        autocompletion=complete_run,
+    ),
+]
+TaskOf = Annotated[
+    str | None,
+    typer.Option(
+        "--task",
+        "-t",
+        metavar="NAME[:VARIANT]",
+        help="The task of a graph from elsewhere; noted in a run.yaml beside it.",
+        autocompletion=complete_task,
     ),
 ]
 Skills = Annotated[
@@ -93,11 +105,11 @@ def _print_cells(title: str, columns: Sequence[str], rows: Iterable[Sequence[Any
         out.print()
 
 
-def open_run(root: Path, name: str | None, skills: list[Path] | None) -> Run:
-    """The run, `skills` recorded in it. Raises `RunError`, `StorageError`."""
+def open_run(root: Path, name: str | None, skills: list[Path] | None, task: str | None = None) -> Run:
+    """The run, `skills` and the `task` of a bare folder recorded in it. Raises `RunError`, `StorageError`."""
     from gap_cli.workspace.run import Run
 
-    return Run.open(root, name).with_skills(skills or ())
+    return Run.open(root, name, task).with_skills(skills or ())
 
 
 def print_done(run: Run, stage: str, lines: Iterable[str], *, next_step: str = "") -> None:

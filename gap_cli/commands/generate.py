@@ -15,6 +15,7 @@ def generate(
         bool, typer.Option(help="Run builder code where the sandbox cannot be set up. Recorded in the run.")
     ] = False,
     skills: Skills = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Lose what was edited in generate/ by hand.")] = False,
     root: Root = RUNS,
     json: AsJson = False,
 ) -> None:
@@ -22,7 +23,7 @@ def generate(
     from gap_cli.commands.pipeline import generate_run
 
     opened = open_run(root, run, skills)
-    made = generate_run(opened, unsafe=unsafe_no_sandbox)
+    made = generate_run(opened, unsafe=unsafe_no_sandbox, overwrite=overwrite)
     if json:
         print_json({"run": opened.name, "path": str(opened.folder("generate")), **made})
         return

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from gap_cli.sandbox import level
+from gap_cli.validate.sources import RECORD, Side, generation_record, refresh, require_unedited
 from gap_cli.workspace.canonical import json_text, write_json
 from gap_cli.workspace.inventory import Inventory
 from gap_cli.workspace.metadata import record_stage
@@ -17,7 +18,6 @@ from gap_runtime.bundle.bundle import GOALS, WORKFLOW, GraphBundle
 from gap_runtime.bundle.digest import BundleDigest
 from gap_runtime.contracts.documents import read_json, read_text
 from gap_runtime.errors import Finding, WorkflowError
-from gap_runtime.graph.model import Workflow
 
 
 def write_lock(run: Run, inventory: Inventory) -> None:
@@ -49,8 +49,11 @@ def plan_run(root: Path, config: RunConfig) -> Run:
     return run
 
 
-def generate_run(run: Run, *, unsafe: bool = False) -> dict[str, Any]:
-    """Write the graph the plan describes; returns what it holds. Raises `WorkflowError`, `SandboxError`, `RunError`."""
+def generate_run(run: Run, *, unsafe: bool = False, overwrite: bool = False) -> dict[str, Any]:
+    """Write the graph the plan describes; returns what it holds. What a person edited is lost only with `overwrite`.
+
+    Raises `WorkflowError`, `SandboxError`, `RunError`.
+    """
     from gap_cli.author import generate
     from gap_cli.author.plans import Plan
     from gap_runtime.graph.dump import dump_workflow
@@ -69,6 +72,9 @@ def generate_run(run: Run, *, unsafe: bool = False) -> dict[str, Any]:
         files |= made.scripts
         goals = [goal.model_dump() for goal in plan.content.goals]
         files[GOALS] = json_text({"schema": "gap/goals/v1", "scene": plan.content.scene, "goals": goals})
+        if not overwrite:
+            require_unedited(run, files)
+        files[RECORD] = generation_record(run, files)
         write_stage(run, "generate", files)
         write_lock(run, inventory)
         record_stage(run, "generate", started)
@@ -77,35 +83,31 @@ def generate_run(run: Run, *, unsafe: bool = False) -> dict[str, Any]:
     return {**counts, "findings": [f.as_dict() for f in made.findings]}
 
 
-def validate_run(run: Run) -> list[Finding]:
-    """Check the graph by every rule and write findings.json. Raises `RunError`, `DocumentError`."""
+def validate_run(run: Run, prefer: Side | None = None) -> list[Finding]:
+    """Assemble the workflow again where its builder code was edited, check the graph by every rule and write
+    findings.json; `prefer` decides where builder code and workflow.json were both edited.
+
+    Raises `RunError`, `DocumentError`, `SandboxError`.
+    """
+    from gap_cli.validate.bundle import check_bundle
+    from gap_cli.validate.validator import with_source
+
     started = time.monotonic()
     with run.held():
-        file = product(run, "generate")
+        if not (run.graph_folder / RECORD).is_file():
+            product(run, "generate")
         inventory = Inventory.of(run.config)
+        lines, findings = refresh(run, prefer)
+        file = run.graph_folder / WORKFLOW
+        checked = BundleDigest(files={WORKFLOW: digest(file)} if file.is_file() else {})
         try:
-            bundle = GraphBundle.load(file.parent)
+            if file.is_file():
+                bundle = GraphBundle.load(run.graph_folder)
+                checked = inventory.digest(bundle)
+                findings = findings or check_bundle(bundle, inventory, lines, run.graph_prefix)
         except WorkflowError as error:  # not of the right shape: the other rules have nothing to look at
-            findings = list(error.findings)
-            checked = BundleDigest(files={WORKFLOW: digest(file)}, parameters={}, tools={}, skills={})
-        else:
-            findings = _findings(bundle.workflow, file.parent, run.folder("plan") / "spec.py", inventory)
-            checked = inventory.digest(bundle)
+            findings = findings or [with_source(f, lines) for f in error.findings]
         write_lock(run, inventory)
         write_stage(run, "validate", {"findings.json": json_text(validation_data(run, checked, findings))})
         record_stage(run, "validate", started)
     return findings
-
-
-def _findings(workflow: Workflow, folder: Path, spec: Path, inventory: Inventory) -> list[Finding]:
-    from gap_cli.analysis.catalog import read_catalog
-    from gap_cli.builder.source import folder_lines
-    from gap_cli.validate.validator import validate
-
-    task = inventory.task
-    names = {*task.objects, *(model.label for model in task.objects.values())}
-    catalog = read_catalog(
-        workflow, folder, inventory.tools, inventory.library.contracts, names,
-        joints=task.joints, descriptions=inventory.library.descriptions,
-    )  # fmt: skip
-    return validate(workflow, catalog, lines=folder_lines(workflow, folder / "subgraphs", spec))

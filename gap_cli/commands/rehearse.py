@@ -7,7 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gap_cli.commands.common import RUNS, AsJson, Root, RunName, Skills, open_run, print_done, print_json, print_table
+from gap_cli.commands.common import (
+    RUNS,
+    AsJson,
+    Root,
+    RunName,
+    Skills,
+    TaskOf,
+    open_run,
+    print_done,
+    print_json,
+    print_table,
+)
 from gap_runtime.errors import GapError
 
 if TYPE_CHECKING:
@@ -31,6 +42,7 @@ Record = Annotated[Recorded, typer.Option(help="Which episodes to record as MCAP
 
 def rehearse(
     run: RunName = None,
+    task: TaskOf = None,
     n: Episodes = 10,
     seed: Seed = None,
     workers: Workers = 2,
@@ -41,7 +53,7 @@ def rehearse(
     json: AsJson = False,
 ) -> None:
     """Roll out N instances, seeds SEED to SEED+N-1, and write episodes, summary and feedback."""
-    opened = open_run(root, run, skills)
+    opened = open_run(root, run, skills, task)
     found = rehearse_run(opened, n, seed, workers, record, engine)
     if json:
         path = str(opened.folder("rehearse/00"))

@@ -7,7 +7,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gap_cli.commands.common import RUNS, AsJson, Root, RunName, Skills, console, open_run, print_done, print_json
+from gap_cli.commands.common import (
+    RUNS,
+    AsJson,
+    Root,
+    RunName,
+    Skills,
+    TaskOf,
+    console,
+    open_run,
+    print_done,
+    print_json,
+)
 
 if TYPE_CHECKING:
     from gap_runtime.run.events import Event
@@ -17,6 +28,7 @@ MARKS = {"node_finished": ("✓", "green"), "node_failed": ("✗", "red"), "node
 
 def run(
     run: RunName = None,
+    task: TaskOf = None,
     seed: Annotated[int | None, typer.Option(min=0, help="The instance; the run's own seed when left out.")] = None,
     dry: Annotated[bool, typer.Option("--dry", help="Without a world: outputs are made up from their types.")] = False,
     substitute: Annotated[
@@ -30,7 +42,7 @@ def run(
     """Run the graph once. Exit 0 where it succeeded, 1 where it did not, 130 where it was interrupted."""
     from gap_cli.rehearse.single_run import run_once
 
-    opened = open_run(root, run, skills)
+    opened = open_run(root, run, skills, task)
     with opened.held():
         ended = run_once(
             opened, seed=seed, dry=dry, rules=substitute, video=video, observers=[] if json else [print_event]

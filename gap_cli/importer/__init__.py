@@ -73,7 +73,7 @@ def _graph(path: Path, out: Path, tools: Mapping[str, ToolSpec], library: SkillL
                 record.note("left", f"subgraphs.{name}", script, note="no such file beside the graph")
     files |= {f"checkpoints/{name}.py": render_checkpoints(given) for name, given in points.items() if given}
     written = _write(out / record.name, files)
-    return Imported("graph", written, tuple(record.rows), _check_graph(workflow, written, tools, library))
+    return Imported("graph", written, tuple(record.rows), _check_graph(written, tools, library))
 
 
 def _write(folder: Path, files: Mapping[str, str]) -> Path:
@@ -89,13 +89,13 @@ def _check_skill(folder: Path, tools: Mapping[str, ToolSpec]) -> list[Finding]:
     return check_folder(folder, tools)
 
 
-def _check_graph(data: Any, folder: Path, tools: Mapping[str, ToolSpec], library: SkillLibrary) -> list[Finding]:
+def _check_graph(folder: Path, tools: Mapping[str, ToolSpec], library: SkillLibrary) -> list[Finding]:
     from gap_cli.analysis.catalog import read_catalog
     from gap_cli.validate.validator import validate
-    from gap_runtime.graph.load import parse_workflow
+    from gap_runtime.bundle.bundle import GraphBundle
 
     try:
-        workflow = parse_workflow(data, str(folder / WORKFLOW))
+        bundle = GraphBundle.load(folder)
     except WorkflowError as error:
         return list(error.findings)
-    return validate(workflow, read_catalog(workflow, folder, tools, library.contracts))
+    return validate(bundle.workflow, read_catalog(bundle, tools, library.contracts))

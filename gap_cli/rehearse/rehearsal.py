@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import shutil
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -47,11 +46,14 @@ def rehearse(
     first = run.config.seed if seed is None else seed
     output = run.folder(FOLDER)
     _clear(output)
-    with interruptible(say) as stop:
-        found = evaluate(
-            bundle, range(first, first + n), make_engine(inventory, engine, workers), inventory,
-            lock=digest(run.path / LOCK), output=output, record=record, progress=progress, say=say, stop=stop,
-        )  # fmt: skip
+    try:
+        with interruptible(say) as stop:
+            found = evaluate(
+                bundle, range(first, first + n), make_engine(inventory, engine, workers), inventory,
+                lock=digest(run.path / LOCK), output=output, record=record, progress=progress, say=say, stop=stop,
+            )  # fmt: skip
+    finally:
+        _clear(output, ("*.mcap.part",))  # of workers that were killed while they recorded
     rationales = {name: {p.name: p.rationale for p in points} for name, points in bundle.checkpoints.items()}
     files = {
         "timings.jsonl": jsonl_text(found.timings),
@@ -65,12 +67,10 @@ def rehearse(
     return found
 
 
-def _clear(output: Path) -> None:
+def _clear(output: Path, patterns: Sequence[str] = ("frames/*.png", "*.mcap", "*.mcap.part", "worker-*.log")) -> None:
     """Pictures, recordings and logs of the rehearsal before this one would be taken for this one's."""
-    shutil.rmtree(output / "frames", ignore_errors=True)
-    for pattern in ("*.mcap", "*.mcap.part", "worker-*.log"):
-        for path in output.glob(pattern):
-            path.unlink(missing_ok=True)
+    for path in (p for pattern in patterns for p in output.glob(pattern)):
+        path.unlink(missing_ok=True)
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from gap_cli.report.drawing import graph_svg
 from gap_cli.report.report_data import gather
 from gap_cli.workspace.canonical import write_text
 from gap_cli.workspace.run import Run
-from gap_cli.workspace.stages import PRODUCT
+from gap_cli.workspace.stages import product
 from gap_runtime.graph.load import load_workflow
 
 PAGE = "report.html"
@@ -36,7 +36,7 @@ def render(run: Run) -> str:
     material = gather(run)
     summary = material["summary"]
     stats = {s["node"]: s for s in summary["subgraphs"]} if summary else {}
-    drawing = graph_svg(load_workflow(run.path / PRODUCT["generate"]), stats)
+    drawing = graph_svg(load_workflow(product(run, "generate")), stats)
     return env.get_template("report.html.j2").render(
         **material, drawing=drawing, shown=SHOWN, commands=commands(run, summary)
     )
@@ -45,15 +45,15 @@ def render(run: Run) -> str:
 def commands(run: Run, summary: Any) -> list[str]:
     """What to type to get the same episodes again."""
     config = run.config
+    rehearse = [f"gap rehearse -n {summary['asked']} --seed {summary['seed']}"] if summary else []
+    if run.graph_folder == run.path:  # a graph from elsewhere: there is nothing to generate it from
+        return [f"gap validate {run.argument}", *(f"{line} {run.argument}" for line in rehearse)]
     plan = ["gap", "plan", "--task", config.task, "--say", config.instruction]
     plan += ["--variant", config.variant] if config.variant else []
     plan += ["--author", config.author] if config.author != "symbolic" else []
     for tool, provider in config.providers.items():
         plan += ["--provider", f"{tool}={provider}"]
-    lines = [shlex.join(plan), "gap generate", "gap validate"]
-    if summary:
-        lines.append(f"gap rehearse -n {summary['asked']} --seed {summary['seed']}")
-    return lines
+    return [shlex.join(plan), "gap generate", "gap validate", *rehearse]
 
 
 def _seconds(value: float | None) -> str:

@@ -70,9 +70,14 @@ def report(source: str, dialect: Dialect, filename: str) -> dict[str, Any] | Non
     line, message = problems[0]
     hints = [f"Also line {n}: {m}." for n, m in problems[1:6]]
     if any(m.endswith(NO_IMPORT) for _, m in problems):
-        names = sorted(m for m in {*dialect.modules, *(p + ".*" for p in dialect.packages)} if m != "__future__")
-        hints.insert(0, f"Importable: {', '.join(names)}.")
+        hints.insert(0, importable(dialect))
     return {"cause": "forbidden", "line": line, "message": message, "hint": " ".join(hints)}
+
+
+def importable(dialect: Dialect) -> str:
+    """What may be imported, as a hint."""
+    names = sorted(m for m in {*dialect.modules, *(p + ".*" for p in dialect.packages)} if m != "__future__")
+    return f"Importable: {', '.join(names)}."
 
 
 def _size(tree: ast.AST) -> tuple[int, int]:

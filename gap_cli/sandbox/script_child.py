@@ -108,7 +108,7 @@ def _explained(report: dict[str, Any], error: BaseException) -> dict[str, Any]:
 
 
 def run(job: dict[str, Any]) -> Any:
-    """Execute the script's module and call its `run`; what a generator yields is published."""
+    """Execute the script's module and, where the job says `call`, its `run`; what a generator yields is published."""
     warm.seed(job["seed"])
     remember(job["source"], FILENAME)
     module = types.ModuleType(MODULE)
@@ -117,6 +117,8 @@ def run(job: dict[str, Any]) -> Any:
     function = module.__dict__.get("run")
     if not callable(function):
         raise BadRequestError("script", "the script has no function run")
+    if not job["call"]:
+        return None
     context = Context(job["seed"])
     result = function(context, **job["inputs"])
     if isinstance(result, Iterator):

@@ -24,6 +24,7 @@ from gap_runtime.errors import BadRequestError, GapError, SandboxError
 MAX_MESSAGE = 64_000_000
 MAX_CALLS = 10_000
 MEMORY = 2 << 30
+LOAD_LIMIT_S = 10.0
 FOREVER = -1  # RLIM_INFINITY
 CallTool = Callable[[str, dict[str, Any]], Any]
 
@@ -68,24 +69,38 @@ class ScriptJail:
         `deadline_s` [s] of wall time bounds the whole run. Raises `SandboxError`, the `ToolError` the script raised or
         let through, and whatever `check` raises; a call that fails otherwise ends the script.
         """
-        source = read_text(source_path)
         what = f"The script {source_path.name}"
-        if len(source) > MAX_SOURCE:
-            raise SandboxError(f"{what} is longer than {MAX_SOURCE // 1000} kB.", cause="forbidden")
-        order = pack({"source": source, "inputs": inputs, "seed": seed})
         session = _Session(what, call_tool, publish, robot, self._max_calls)
+        order = {"source": read_text(source_path), "inputs": inputs, "seed": seed, "call": True}
+        return self._execute(order, session, deadline_s, check)
+
+    def load(self, source: str, name: str) -> None:
+        """Execute the module of a script and call nothing: does it import, is there a `run`? Raises `SandboxError`."""
+
+        def refuse(tool: str, inputs: dict[str, Any]) -> Any:
+            raise SandboxError(f"The script {name} calls {tool} while it is loaded.", cause="forbidden")
+
+        session = _Session(f"The script {name}", refuse, None, None, self._max_calls)
+        self._execute({"source": source, "inputs": {}, "seed": 0, "call": False}, session, LOAD_LIMIT_S, None)
+
+    def _execute(
+        self, order: dict[str, Any], session: _Session, deadline_s: float, check: Callable[[], None] | None
+    ) -> Any:
+        if len(order["source"]) > MAX_SOURCE:
+            raise SandboxError(f"{session.what} is longer than {MAX_SOURCE // 1000} kB.", cause="forbidden")
+        message = pack(order)
         cpu = math.ceil(deadline_s) + 2 if math.isfinite(deadline_s) else FOREVER
         with self._server.job(Limits(MEMORY, cpu), deadline_s, unsafe=self._unsafe, check=check) as job:
             try:
-                job.pipes.send(order)
+                job.pipes.send(message)
                 return session.serve(job.pipes)
             except DeadlineError:
-                raise verdict.timed_out(what, deadline_s) from None
+                raise verdict.timed_out(session.what, deadline_s) from None
             except FloodError:
-                raise verdict.flooded(what, MAX_MESSAGE) from None
+                raise verdict.flooded(session.what, MAX_MESSAGE) from None
             except HangUpError:
                 job.end()
-                raise verdict.ended(what, job.status) from None
+                raise verdict.ended(session.what, job.status) from None
 
 
 class _Session:
@@ -99,7 +114,7 @@ class _Session:
         robot: Callable[[int], RobotSpec] | None,
         max_calls: int,
     ) -> None:
-        self._what, self._call_tool, self._publish, self._calls_left = what, call_tool, publish, max_calls
+        self.what, self._call_tool, self._publish, self._calls_left = what, call_tool, publish, max_calls
         self._robot = robot
         self._raised: list[ToolError] = []
 
@@ -119,13 +134,13 @@ class _Session:
                     self._count()
                     pipes.send(pack(["ok", plain(self._robot(arm_id))]))
                 case ["robot", _]:
-                    raise SandboxError(f"{self._what} asks for a robot, and there is none here.", cause="forbidden")
+                    raise SandboxError(f"{self.what} asks for a robot, and there is none here.", cause="forbidden")
                 case ["publish", value] if self._publish is not None:
                     pipes.send(self._answer(self._publish, value))
                 case ["publish", _]:
-                    raise SandboxError(f"{self._what} publishes, but is not a streaming node.", cause="forbidden")
+                    raise SandboxError(f"{self.what} publishes, but is not a streaming node.", cause="forbidden")
                 case _:
-                    raise SandboxError(f"{self._what} sent something that is not a message.", cause="output")
+                    raise SandboxError(f"{self.what} sent something that is not a message.", cause="output")
 
     def _read(self, pipes: Pipes) -> Any:
         if time.monotonic() > pipes.deadline:
@@ -133,12 +148,12 @@ class _Session:
         try:
             return unpack(pipes.receive(MAX_MESSAGE))
         except BadRequestError as error:
-            raise SandboxError(f"{self._what} sent something that is {error.message}.", cause="output") from None
+            raise SandboxError(f"{self.what} sent something that is {error.message}.", cause="output") from None
 
     def _count(self) -> None:
         self._calls_left -= 1
         if self._calls_left < 0:
-            raise SandboxError(f"{self._what} made too many tool calls.", cause="forbidden")
+            raise SandboxError(f"{self.what} made too many tool calls.", cause="forbidden")
 
     def _answer(self, work: Callable[..., Any], *arguments: Any) -> bytes:
         """What the host did, or why it did not, for the script to handle; what it may not handle is raised here."""
@@ -155,4 +170,4 @@ class _Session:
         origin = report.get("origin")
         if type(origin) is int and 0 <= origin < len(self._raised):
             return self._raised[origin]
-        return revived(report) or verdict.reported(self._what, report)
+        return revived(report) or verdict.reported(self.what, report)

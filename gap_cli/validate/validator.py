@@ -27,11 +27,11 @@ _FAMILIES = (structure, exits, node_keys, dataflow, data, resources, privilege, 
 _TOP_FAMILIES = (node_keys, topology, dataflow, resources, privilege, skills)
 
 
-def validate(workflow: Workflow, catalog: Catalog, lines: Mapping[str, int] | None = None) -> list[Finding]:
+def validate(workflow: Workflow, catalog: Catalog, lines: Mapping[str, tuple[str, int]] | None = None) -> list[Finding]:
     """All findings, sorted by path; empty when the workflow is sound.
 
-    `lines` maps paths to lines of builder code (see `assemble.assembled_lines`); a finding takes the line of the
-    nearest path above it.
+    `lines` maps paths to the file and line that wrote them (see `assemble.assembled_lines`); a finding takes those of
+    the nearest path above it.
     """
     findings = node_keys.w6_size(workflow)
     if findings:
@@ -40,7 +40,7 @@ def validate(workflow: Workflow, catalog: Catalog, lines: Mapping[str, int] | No
     found = {f for family in _TOP_FAMILIES for rule in family.TOP_RULES for f in rule(context)}
     for sg in context.subgraphs.values():
         found.update(f for family in _FAMILIES for rule in family.RULES for f in rule(sg))
-    placed = (_with_line(f, lines) for f in found) if lines else found
+    placed = (with_source(f, lines) for f in found) if lines else found
     return _listed_once(sorted(placed, key=lambda f: (f.path, f.code, f.message)))
 
 
@@ -55,15 +55,16 @@ def _listed_once(findings: list[Finding]) -> list[Finding]:
     return kept
 
 
-def require_valid(workflow: Workflow, catalog: Catalog, lines: Mapping[str, int] | None = None) -> None:
+def require_valid(workflow: Workflow, catalog: Catalog, lines: Mapping[str, tuple[str, int]] | None = None) -> None:
     """Raise `WorkflowError` with every finding that is an error."""
     errors = [f for f in validate(workflow, catalog, lines) if f.severity == "error"]
     if errors:
         raise WorkflowError(errors)
 
 
-def _with_line(finding: Finding, lines: Mapping[str, int]) -> Finding:
+def with_source(finding: Finding, lines: Mapping[str, tuple[str, int]]) -> Finding:
+    """The finding with the file and line that wrote the nearest path above it, where `lines` knows one."""
     path = finding.path
     while path and path not in lines:
         path = path.rpartition(".")[0]
-    return replace(finding, line=lines[path]) if path else finding
+    return replace(finding, file=lines[path][0], line=lines[path][1]) if path else finding

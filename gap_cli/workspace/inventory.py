@@ -16,6 +16,7 @@ from gap_runtime.bundle.digest import BundleDigest
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.task import Task
 from gap_runtime.contracts.tool import ToolSpec
+from gap_runtime.errors import RunError
 from gap_runtime.plugins import Registry, load_registry
 
 
@@ -36,7 +37,9 @@ class Inventory:
 
     @cached_property
     def task(self) -> Task:
-        """The task with its variant. Raises `UnknownNameError`, `DocumentError`."""
+        """The task with its variant. Raises `UnknownNameError`, `DocumentError`, `RunError` where none was named."""
+        if not self.config.task:
+            raise RunError("Which task this graph is for is not known.", hint="Give it: --task NAME[:variant].")
         return open_task(self.registry, self.config.task, self.config.variant)
 
     @cached_property
@@ -64,4 +67,5 @@ class Inventory:
 
     def lock(self, sandbox: str) -> dict[str, Any]:
         """The content of lock.json; `sandbox` says how untrusted code is confined here (`gap_cli.sandbox.level`)."""
-        return build_lock(self.registry, self.task, self._skill_digests, sandbox)
+        task = self.task if self.config.task else None
+        return build_lock(self.registry, task, self._skill_digests, sandbox)

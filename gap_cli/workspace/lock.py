@@ -19,14 +19,16 @@ LIBRARIES = ("dm-control", "mujoco", "numpy", "ompl", "opencv-python-headless", 
              "scikit-learn", "scipy", "torch")  # fmt: skip
 
 
-def build_lock(registry: Registry, task: Task, skills: Mapping[str, str], sandbox: str) -> dict[str, Any]:
-    """The lock as plain data, every mapping sorted by key. `skills` maps a skill to the digest of its files."""
-    robots = {p.model: registry.robot(p.model) for p in task.robots}
+def build_lock(registry: Registry, task: Task | None, skills: Mapping[str, str], sandbox: str) -> dict[str, Any]:
+    """The lock as plain data, every mapping sorted by key. `skills` maps a skill to the digest of its files; `task` is
+    None for a graph that was not said to be for one."""
+    robots = {p.model: registry.robot(p.model) for p in task.robots} if task else {}
+    of = {"name": task.name, "variant": task.variant, "sha256": folder_digest(task.path)} if task else {}
     return {
         "schema": SCHEMA,
         "engine": __version__,
         "sandbox": sandbox,
-        "task": {"name": task.name, "variant": task.variant, "sha256": folder_digest(task.path)},
+        "task": of,
         "robots": {name: _robot(robots[name]) for name in sorted(robots)},
         "skills": dict(sorted(skills.items())),
         "plugins": {name: registry.plugins[name].version for name in sorted(registry.plugins)},
@@ -40,8 +42,11 @@ def lock_changes(before: Mapping[str, Any], now: Mapping[str, Any], used: Bundle
     contracts of tools and the digests of skills are the bundle's own business (`BundleDigest.changes`)."""
     found = [f"{key} changed from {before.get(key)} to {now[key]}" for key in ("engine", "sandbox")
              if before.get(key) != now[key]]  # fmt: skip
-    if before.get("task") != now["task"]:
-        found.append(f"task {now['task']['name']} changed")
+    was, now_is = ((lock.get("task") or {}).get("name", "none") for lock in (before, now))
+    if was != now_is:
+        found.append(f"task changed from {was} to {now_is}")
+    elif before.get("task") != now["task"]:
+        found.append(f"task {was} changed")
     found += differences(before.get("robots", {}), now["robots"], "robot ")
     found += differences(before.get("libraries", {}), now["libraries"], "library ")
 

@@ -17,9 +17,11 @@ from pydantic import Field
 
 from gap_cli.workspace.atomic import storage_error
 from gap_cli.workspace.canonical import write_yaml
+from gap_cli.workspace.tasks import open_task
 from gap_runtime.contracts.documents import read_yaml
 from gap_runtime.contracts.models import Document
 from gap_runtime.errors import RunError, did_you_mean
+from gap_runtime.plugins import load_registry
 
 ROOT = Path("runs")
 _NAME = re.compile(r"^[a-z][a-z0-9-]*-(?P<number>\d{3,})$")
@@ -31,7 +33,7 @@ class RunConfig(Document):
     skills beside those that are installed, absolute here and relative to the run in run.yaml."""
 
     schema_: Literal["gap/run/v1"] = Field(default="gap/run/v1", alias="schema")
-    task: str = Field(pattern=r"^[a-z][a-z0-9]*(-[a-z0-9]+)*$", max_length=64)
+    task: str = Field(pattern=r"^([a-z][a-z0-9]*(-[a-z0-9]+)*)?$", max_length=64)  # '' where it is not known
     variant: str = ""
     instruction: str = Field(min_length=1)
     author: str = "symbolic"
@@ -74,16 +76,27 @@ class Run:
         return cls(path)
 
     @classmethod
-    def open(cls, root: Path, name: str | None = None) -> Run:
-        """The named run (a name below `root`, or a path), or the latest. Raises `RunError`."""
-        if name is None:
-            return cls.latest(root)
-        by_path = "/" in name or name in (".", "..")
-        path = Path(name) if by_path else root / name
-        if not (path / "run.yaml").is_file():
-            hint = did_you_mean(name, [r.name for r in cls.list(root)]) if not by_path else ""
-            raise RunError(f"There is no run {name!r} in {root}/.", hint=hint or "Give the folder that holds run.yaml.")
-        return cls(path)
+    def open(cls, root: Path, name: str | None = None, task: str | None = None) -> Run:
+        """The run that `name` means, or the latest: the name of a run below `root`, a run's folder, its `generate`
+        folder, a bare folder that holds workflow.json, or that file.
+
+        `task` (`NAME[:variant]`) is what a bare folder's graph is for; it is noted in a run.yaml there. Raises
+        `RunError` where there is no such run, or where its run.yaml says another task; `UnknownNameError`.
+        """
+        run = cls.latest(root) if name is None else cls(_find(root, name))
+        if task is None:
+            return run
+        named, _, variant = task.partition(":")
+        config = run.config
+        if not config.task:
+            found = open_task(load_registry(), named, variant)
+            _write(run.path, config.model_copy(update={"task": named, "variant": found.variant}))
+            return cls(run.path)
+        if (config.task, config.variant) != (named, variant or config.variant):
+            says = f"{config.task}:{config.variant}".rstrip(":")
+            where = run.path / "run.yaml"
+            raise RunError(f"{where} says task {says}, not {task}.", hint="Edit that file, or leave out --task.")
+        return run
 
     @classmethod
     def latest(cls, root: Path) -> Run:
@@ -107,8 +120,10 @@ class Run:
 
     @cached_property
     def config(self) -> RunConfig:
-        """What run.yaml says. Raises `DocumentError`."""
+        """What run.yaml says; nothing where a bare folder has none. Raises `DocumentError`."""
         file = self.path / "run.yaml"
+        if not file.is_file() and self.graph_folder == self.path:
+            return RunConfig(task="", instruction=self.name)
         config = RunConfig.load(read_yaml(file), str(file))
         return config.model_copy(update={"skills": [str((self.path / p).resolve()) for p in config.skills]})
 
@@ -132,6 +147,11 @@ class Run:
         """Where the graph is: `generate/`, or in a bare folder the folder itself."""
         bare = (self.path / "workflow.json").is_file() and not (self.path / "generate").is_dir()
         return self.path if bare else self.path / "generate"
+
+    @property
+    def graph_prefix(self) -> str:
+        """What comes before the name of a file of the graph to name it in the run: `generate/`, or nothing."""
+        return "" if self.graph_folder == self.path else "generate/"
 
     def folder(self, stage: str) -> Path:
         """Where a stage writes: `plan`, `generate`, `validate`, `rehearse/00`, ..."""
@@ -163,6 +183,25 @@ class Run:
 def _write(path: Path, config: RunConfig) -> None:
     skills = [os.path.relpath(folder, path.resolve()) for folder in config.skills]
     write_yaml(path / "run.yaml", config.model_copy(update={"skills": skills}).model_dump(by_alias=True))
+
+
+def _find(root: Path, name: str) -> Path:
+    """The folder of the run that `name` means. Raises `RunError`."""
+    path = root / name if (root / name / "run.yaml").is_file() else Path(name)
+    if path.name == "workflow.json" and path.is_file():
+        path = path.parent
+    elif path.is_file():
+        raise RunError(f"{path} is not a workflow.json.", hint="Put it into a folder of its own under that name.")
+    around = path.resolve().parent
+    if path.resolve().name == "generate" and (around / "run.yaml").is_file():
+        return path.parent if path.name == "generate" else around
+    if (path / "run.yaml").is_file() or (path / "workflow.json").is_file():
+        return path
+    if "/" in name or name in (".", ".."):
+        raise RunError(
+            f"{name} is no run and holds no graph.", hint="A run's folder holds run.yaml, a graph's workflow.json."
+        )
+    raise RunError(f"There is no run {name!r} in {root}/.", hint=did_you_mean(name, [r.name for r in Run.list(root)]))
 
 
 def _number(path: Path) -> int:

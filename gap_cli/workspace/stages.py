@@ -1,4 +1,4 @@
-"""Which file marks each stage of a run as done, and what to type when a verb comes too early."""
+"""Which file a stage leaves behind, what to type when a verb comes too early, and how a stage is written whole."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 from gap_cli.workspace.atomic import replace_files
 from gap_cli.workspace.canonical import text_bytes
 from gap_cli.workspace.run import Run
+from gap_runtime.bundle.bundle import WORKFLOW
 from gap_runtime.errors import RunError
 
 PRODUCT = {
@@ -17,27 +18,15 @@ PRODUCT = {
     "validate": "validate/findings.json",
     "rehearse": "rehearse/00/summary.json",
 }
-WORKFLOW = PRODUCT["generate"]
-NEXT = {
-    "plan": "generate",
-    "generate": "validate",
-    "validate": "rehearse",
-    "rehearse": "report",
-}
 
 
 def product(run: Run, stage: str) -> Path:
     """The file that `stage` leaves behind. Raises `RunError` with what to type when it is not there."""
-    path = run.path / PRODUCT[stage]
+    path = run.graph_folder / WORKFLOW if stage == "generate" else run.path / PRODUCT[stage]
     if not path.is_file():
-        raise RunError(f"Run {run.name} has no {PRODUCT[stage]} yet.", hint=f"Type: gap {stage} {run.name}")
+        command = 'plan --task TASK --say "..."' if stage == "plan" else f"{stage} {run.argument}"
+        raise RunError(f"Run {run.name} has no {PRODUCT[stage]} yet.", hint=f"Type: gap {command}")
     return path
-
-
-def reached(run: Run) -> str:
-    """The last stage whose product is there, or ''."""
-    done = [stage for stage, file in PRODUCT.items() if (run.path / file).is_file()]
-    return done[-1] if done else ""
 
 
 def write_stage(run: Run, stage: str, files: Mapping[str, str], *, keep: tuple[str, ...] = ()) -> list[Path]:

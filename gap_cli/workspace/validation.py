@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
@@ -82,9 +81,7 @@ def require_valid(run: Run, inventory: Inventory, lock: dict[str, Any]) -> Graph
 
 
 def _changes(run: Run, found: Validation, now: BundleDigest) -> list[str]:
-    folder = run.graph_folder.relative_to(run.path)
-    changed = found.bundle.changes(now, "" if folder == Path() else f"{folder.as_posix()}/")
-    return [*changed, *differences(found.sources, source_digests(run))]
+    return [*found.bundle.changes(now, run.graph_prefix), *differences(found.sources, source_digests(run))]
 
 
 def _lock_changes(run: Run, lock: dict[str, Any], used: BundleDigest) -> list[str]:

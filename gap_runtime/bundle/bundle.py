@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -16,7 +16,7 @@ from gap_runtime.contracts.failures import GapError
 from gap_runtime.contracts.models import Document
 from gap_runtime.contracts.skill import SkillContract, inside
 from gap_runtime.contracts.tool import ToolSpec
-from gap_runtime.errors import RunError
+from gap_runtime.errors import RunError, StorageError
 from gap_runtime.graph.callees import find_skill
 from gap_runtime.graph.checkpoints import Checkpoint, parse_checkpoints
 from gap_runtime.graph.load import parse_workflow
@@ -38,38 +38,45 @@ class Goals(Document):
 class GraphBundle:
     """`files` maps a path inside the bundle's folder to its text: `workflow.json`, and where there are such,
     `goals.json`, every `scripts/...` a node names and `checkpoints/<definition>.py`. What is read from them is cached;
-    a changed bundle is a new one (`replace`)."""
+    a changed bundle is a new one (`replace`). `unreadable` maps a file that the workflow names and that is not there,
+    or is no clean text, to the reason; the validator reports it."""
 
     files: Mapping[str, str]
+    unreadable: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def load(cls, folder: Path) -> GraphBundle:
-        """Read a folder that holds workflow.json. Files in it that the workflow does not name are left out, and so is
-        a file that is missing or not clean text: the validator reports it, compiling refuses it.
+        """Read a folder that holds workflow.json. Files in it that the workflow does not name are left out.
 
         Raises `DocumentError` (no readable workflow.json) or `WorkflowError` (not of a workflow's shape).
         """
         text = read_text(folder / WORKFLOW)
         workflow = parse_workflow(parse_json(text, str(folder / WORKFLOW)), str(folder / WORKFLOW))
-        files = {WORKFLOW: text}
-        for name in (GOALS, *checkpoint_files(workflow), *script_files(workflow)):
+        files, unreadable = {WORKFLOW: text}, {}
+        optional = [GOALS, *checkpoint_files(workflow)]
+        for name in (*optional, *script_files(workflow)):
             try:
-                files[name] = read_text(inside(folder, name))
-            except GapError:
-                continue
-        return cls(files)
+                file = inside(folder, name)
+                if file.exists() or name not in optional:
+                    files[name] = read_text(file)
+            except GapError as error:
+                unreadable[name] = str(error)
+        return cls(files, unreadable)
 
     def replace(self, files: Mapping[str, str]) -> GraphBundle:
         """This bundle with other texts in the place of, or beside, its own."""
-        return GraphBundle({**self.files, **files})
+        return GraphBundle({**self.files, **files}, {n: why for n, why in self.unreadable.items() if n not in files})
 
     def write(self, folder: Path) -> None:
         """Write every file below `folder`, which `load` reads back as an equal bundle. Where a run's folder is
-        written, `write_stage(run, stage, bundle.files)` does it atomically instead."""
+        written, `write_stage(run, stage, bundle.files)` does it atomically instead. Raises `StorageError`."""
         for name, text in self.files.items():
             file = inside(folder, name)
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_bytes(text.encode("utf-8"))
+            try:
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_bytes(text.encode("utf-8"))
+            except OSError as error:
+                raise StorageError(f"Cannot write {file}: {error.strerror or error}.") from None
 
     @cached_property
     def workflow(self) -> Workflow:
@@ -89,6 +96,11 @@ class GraphBundle:
         """The checkpoints of every subgraph definition. Raises `DocumentError`."""
         files = dict(zip(self.workflow.subgraphs, checkpoint_files(self.workflow), strict=True))
         return {n: parse_checkpoints(self.files[f], f) if f in self.files else () for n, f in files.items()}
+
+    @property
+    def scripts(self) -> dict[str, str]:
+        """The text of each script that a node names, by its path."""
+        return {name: self.files[name] for name in script_files(self.workflow) if name in self.files}
 
     def parameters(self, skills: Mapping[str, SkillContract]) -> dict[str, dict[str, Any]]:
         """Every parameter of each subgraph definition as it will be used: the skill's default, or what the workflow

@@ -15,9 +15,9 @@ class BundleDigest(Document):
     schema hashes of the contracts, `skills` digests of the skill folders, that the graph was checked against."""
 
     files: dict[str, str]
-    parameters: dict[str, str]
-    tools: dict[str, str]
-    skills: dict[str, str]
+    parameters: dict[str, str] = {}
+    tools: dict[str, str] = {}
+    skills: dict[str, str] = {}
 
     @property
     def sha256(self) -> str:

@@ -19,14 +19,16 @@ _SCALARS = {
 }
 _LISTS = {"list", "List", "tuple", "Tuple", "Sequence"}
 _STREAMS = {"Iterator", "Iterable", "Generator"}
+_TYPE_MODULES = {"typing", "typing_extensions", "collections.abc", "collections"}
 _FRAMES = {"WORLD": "world", "CAMERA": "camera", "BASE": "base", "TCP": "tcp"}
 
 
 @dataclass
 class Names:
-    """What a module's names stand for: import aliases, type aliases, and classes that bundle named results."""
+    """What a module's names stand for: imports, type aliases, and classes that bundle named results."""
 
     imports: dict[str, str] = field(default_factory=dict)
+    foreign: dict[str, str] = field(default_factory=dict)  # imported names that no contract type can be -> module
     aliases: dict[str, ast.expr] = field(default_factory=dict)
     bundles: dict[str, ast.ClassDef] = field(default_factory=dict)
 
@@ -37,6 +39,8 @@ class Names:
         for statement in module.body:
             if isinstance(statement, ast.ImportFrom):
                 names.imports |= {a.asname or a.name: a.name for a in statement.names}
+                if not _offers_types(statement.module or ""):
+                    names.foreign |= {a.asname or a.name: statement.module or "." for a in statement.names}
             elif isinstance(statement, ast.ClassDef):
                 names.bundles[statement.name] = statement
             elif isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name):
@@ -92,7 +96,13 @@ def stream_item(node: ast.expr) -> ast.expr | None:
     return None
 
 
+def _offers_types(module: str) -> bool:
+    return module in _TYPE_MODULES or module.startswith("gap_runtime.contracts")
+
+
 def _plain(name: str, names: Names, depth: int) -> Read:
+    if name in names.foreign:
+        raise ValueError(f"{name} comes from {names.foreign[name]}, which has no contract types")
     name = names.imports.get(name, name)
     if name in names.aliases:
         return read_annotation(names.aliases[name], names, depth + 1)

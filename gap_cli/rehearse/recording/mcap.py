@@ -20,6 +20,7 @@ from gap_runtime.contracts.failures import BadRequestError
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.task import ObjectModel
 from gap_runtime.contracts.types import ArmState, CameraObservation, Se3Pose
+from gap_runtime.errors import StorageError
 from gap_runtime.run.events import Event
 
 JPEG_QUALITY = 80
@@ -84,9 +85,14 @@ class McapRecorder:
             )
 
     def close(self) -> None:
-        """Finish the file and give it its name."""
-        self._writer.close()
-        self._part.replace(self.path)
+        """Finish the file and give it its name. Raises `StorageError`, and leaves nothing, where it was not written."""
+        try:
+            self._writer.close()
+            self._part.replace(self.path)
+        except (OSError, RuntimeError) as error:  # the writer's own error says no more than that writing failed
+            self._part.unlink(missing_ok=True)
+            hint = "Free some space, or type --record none."
+            raise StorageError(f"Cannot write {self.path}: {error}.", hint=hint) from None
 
     def _camera(self, camera: CameraObservation, stamp: fg.Timestamp, when: int) -> None:
         import cv2

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from gap_cli.builder.assemble import assemble, assembled_lines
-from gap_cli.builder.source import folder_lines, spec_source, subgraph_source
+from gap_cli.builder.source import builder_lines, spec_source, subgraph_source
 from gap_cli.builder.workflow import END, START, Ref, ServiceCall, Subgraph, WorkflowSpec
 from gap_runtime.errors import DocumentError, WorkflowError
 from gap_runtime.graph.checkpoints import Checkpoint
@@ -200,17 +200,15 @@ def test_assembling_names_every_disagreement():
     }  # fmt: skip
 
 
-def test_lines_read_from_the_code_are_those_it_ran_with(tmp_path):
+def test_lines_read_from_the_code_are_those_it_ran_with():
     workflow, _, _ = workflow_of(*example())
     codes = {n: subgraph_source(n, d) for n, d in workflow.subgraphs.items()}
     top = spec_source(workflow, SKILLS)
-    for name, code in codes.items():
-        (tmp_path / f"{name}.py").write_text(code)
-    (tmp_path / "spec.py").write_text(top)
     blank = {n: "\n" * code.count("from ") + _without_imports(code) for n, code in codes.items()}
     built = {n: run(code)["sg"].to_dict() for n, code in blank.items()}
     spec = run("\n" * top.count("\nfrom ") + "\n" + _without_imports(top), WorkflowSpec=WorkflowSpec)["spec"].to_dict()
-    assert folder_lines(workflow, tmp_path, tmp_path / "spec.py") == assembled_lines(spec, built)
+    sources = {"plan/spec.py": top, **{f"generate/subgraphs/{n}.py": code for n, code in codes.items()}}
+    assert builder_lines(workflow, sources) == assembled_lines(spec, built)
 
 
 def test_start_and_end_are_the_paper_s_words():

@@ -225,3 +225,18 @@ def test_a_disk_full_for_the_rehearsal_keeps_the_one_before(gap, make_run):
     done = limited(1500, "rehearse", run.path, "-n", 8, "--record", "none")
     assert done.returncode == 1 and "Traceback" not in done.stderr
     assert {n: (run.folder("rehearse/00") / n).read_bytes() for n in kept} == kept
+
+
+def test_a_disk_full_while_recording_leaves_no_part_of_a_recording(gap, make_run):
+    run = make_run()
+    done = limited(9000, "rehearse", run.path, "-n", 2, "--record", "all")
+    assert done.returncode == 1 and ".mcap: " in done.stderr and "--record none" in done.stderr
+    assert list(run.folder("rehearse/00").glob("*.mcap*")) == []
+
+
+def test_a_worker_killed_while_recording_leaves_no_part_of_a_recording(gap, make_run, faults):
+    run = make_run()
+    faults(seed4="kill")
+    done = gap("rehearse", "-n", 2, "--record", "all")
+    assert done.code == 0 and "crashed" in done.out
+    assert [p.name for p in run.folder("rehearse/00").glob("*.mcap*")] == ["seed-000003.mcap"]

@@ -58,6 +58,8 @@ def test_check_passes_a_good_skill_and_fails_a_bad_one(tmp_path):
         ("templates/subgraph.py.j2", "{{ on_error }}", "{% if %}", "is not a template"),
         ("templates/subgraph.py.j2", "from gap_cli.builder.workflow", "import os\nfrom gap_cli.builder.workflow", "os"),
         ("scripts/perceive_dino_vlm.py", "object_name: str", "object_name", "has no type"),
+        ("scripts/perceive_dino_vlm.py", "from typing", "import requests\nfrom typing", "requests cannot be imported"),
+        ("scripts/perceive_dino_vlm.py", "from typing", "from nowhere import X\nfrom typing", "nowhere cannot be"),
         ("scripts/perceive_dino_vlm.py", '"vlm.Query"', '"vlm.QueryYesNo"', "does not list"),
         ("contract.yaml", "- vlm.Query", "- vlm.Qery", "vlm.Qery"),
         ("checkpoints/located.py.j2", "is_settled", "is_seetled", "is_seetled"),

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 from gap_cli.analysis.catalog import contract_names, infer_names, read_catalog, substitute
 from gap_cli.validate.validator import require_valid, validate
+from gap_runtime.bundle.bundle import GraphBundle
 from gap_runtime.errors import WorkflowError
+from gap_runtime.graph.dump import dump_workflow
 from gap_runtime.graph.load import parse_workflow
 from gap_runtime.graph.scripts import read_signature
 from tests.unit.validate.kit import SCRIPTS, SKILLS, SOURCES, TOOLS, catalog, findings_at, plain_workflow
@@ -289,6 +293,11 @@ def test_the_slot_is_inferred_where_the_declared_names_leave_no_doubt():
     assert list(contract_names(see, {"name": "soup"})[1]) == ["soup_obb", "soup_cloud"]
 
 
+def stored(workflow, folder):
+    (folder / "workflow.json").write_text(json.dumps(dump_workflow(workflow)))
+    return GraphBundle.load(folder)
+
+
 def test_a_folder_s_scripts_and_checkpoints_are_read_and_their_faults_become_findings(tmp_path):
     workflow = parse_workflow(plain_workflow(), "x")
     for name in ("scripts", "checkpoints"):
@@ -297,13 +306,13 @@ def test_a_folder_s_scripts_and_checkpoints_are_read_and_their_faults_become_fin
     point = "Checkpoint('held', 'w.body(\"soup\").z > 0', rationale='up')"
     (tmp_path / "checkpoints" / "see_sg.py").write_text(f"CHECKPOINTS = [{point}]")
     (tmp_path / "checkpoints" / "pick_sg.py").write_text("CHECKPOINTS = [print(1)]")
-    found = validate(workflow, read_catalog(workflow, tmp_path, TOOLS, SKILLS, ["soup"]))
+    found = validate(workflow, read_catalog(stored(workflow, tmp_path), TOOLS, SKILLS, ["soup"]))
     by_code = {f.code: f for f in found}
     assert set(by_code) == {"K3", "K10"}
     assert "Bananas" in by_code["K3"].message and by_code["K10"].path == "subgraphs.pick_sg.checkpoints"
     (tmp_path / "scripts" / "perceive.py").write_text(__import__("textwrap").dedent(SOURCES["perceive"]))
     (tmp_path / "checkpoints" / "pick_sg.py").write_text(f"CHECKPOINTS = [{point}]")
-    assert validate(workflow, read_catalog(workflow, tmp_path, TOOLS, SKILLS, ["soup"])) == []
+    assert validate(workflow, read_catalog(stored(workflow, tmp_path), TOOLS, SKILLS, ["soup"])) == []
 
 
 @pytest.mark.parametrize("path", ["../secret.py", "scripts/../../secret.py", "/secret.py", "scripts\\..\\secret.py"])
@@ -325,7 +334,7 @@ def judged_with_script(folder, path):
     data = plain_workflow()
     data["subgraphs"]["see_sg"]["nodes"]["find"]["script"] = path
     workflow = parse_workflow(data, "x")
-    given = read_catalog(workflow, folder, TOOLS, SKILLS, checkpoints=False)
+    given = read_catalog(stored(workflow, folder), TOOLS, SKILLS, checkpoints=False)
     return {f.code for f in validate(workflow, given)}, given
 
 
@@ -334,7 +343,7 @@ def test_a_link_out_of_the_folder_is_not_followed(tmp_path):
     (tmp_path / "secret.py").write_text("def run(ctx) -> None: ...")
     (tmp_path / "run" / "scripts" / "perceive.py").symlink_to(tmp_path / "secret.py")
     workflow = parse_workflow(plain_workflow(), "x")
-    given = read_catalog(workflow, tmp_path / "run", TOOLS, SKILLS, checkpoints=False)
+    given = read_catalog(stored(workflow, tmp_path / "run"), TOOLS, SKILLS, checkpoints=False)
     assert "leads out" in given.problems["scripts/perceive.py"]
 
 

@@ -1,7 +1,7 @@
 import pytest
 
 from gap_cli.workspace.run import Run, RunConfig
-from gap_cli.workspace.stages import PRODUCT, folder_digest, product, reached, write_stage
+from gap_cli.workspace.stages import PRODUCT, folder_digest, product, write_stage
 from gap_runtime.errors import RunError
 
 
@@ -10,17 +10,20 @@ def run(tmp_path):
     return Run.create(tmp_path, RunConfig(task="pack", instruction="pack it"))
 
 
-@pytest.mark.parametrize("stage", PRODUCT)
+@pytest.mark.parametrize("stage", [stage for stage in PRODUCT if stage != "plan"])
 def test_a_verb_too_early_is_told_what_to_type(run, stage):
-    with pytest.raises(RunError, match=f"gap {stage} pack-001"):
+    with pytest.raises(RunError, match=f"gap {stage} {run.argument}"):
         product(run, stage)
 
 
-def test_the_stage_reached_is_the_last_product_there(run):
-    assert reached(run) == ""
-    write_stage(run, "plan", {"plan.json": "{}"})
-    write_stage(run, "generate", {"workflow.json": "{}"})
-    assert reached(run) == "generate"
+def test_a_run_without_a_plan_is_told_to_plan(run):
+    with pytest.raises(RunError, match="gap plan --task TASK"):
+        product(run, "plan")
+
+
+def test_a_bare_folders_graph_is_its_own_workflow(tmp_path):
+    (tmp_path / "workflow.json").write_text("{}")
+    assert product(Run(tmp_path), "generate") == tmp_path / "workflow.json"
 
 
 def test_a_stage_folder_holds_exactly_what_was_written_last(run):
