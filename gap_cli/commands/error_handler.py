@@ -10,14 +10,15 @@ import platform
 import sys
 import tempfile
 import traceback
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from gap_runtime.errors import GapError, StorageError, WorkflowError
+from gap_runtime.errors import DocumentError, GapError, StorageError, WorkflowError
 
 BUG, INTERRUPTED, BROKEN_PIPE = 3, 130, 141
-SHOWN_FINDINGS = 20
+SHOWN_PROBLEMS = 20
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 
@@ -33,9 +34,13 @@ def report(error: BaseException, argv: list[str]) -> int:
     if isinstance(error, OSError) and error.errno in _FULL:  # `gap tools list > /dev/full`
         error = StorageError(f"The output cannot be written: {error.strerror}.")
     if isinstance(error, GapError) and error.exit_code != BUG:
+        if isinstance(error, DocumentError) and len(error.problems) > 1:
+            say(f"error: {error.where}: {len(error.problems)} problems")
+            _say_lines(error.problems)
+            return error.exit_code
         say(f"error: {_one_line(error.message)}")
         if isinstance(error, WorkflowError):
-            _say_findings(error)
+            _say_lines([f"{f.code} {f.path}: {f.message} {f.hint}" for f in error.findings])
         elif error.hint:
             say(f"  {_one_line(error.hint)}")
         return error.exit_code
@@ -140,12 +145,11 @@ def state_folders() -> list[Path]:
     return found
 
 
-def _say_findings(error: WorkflowError) -> None:
-    for finding in error.findings[:SHOWN_FINDINGS]:
-        hint = f" {finding.hint}" if finding.hint else ""
-        say(f"  {finding.code} {finding.path}: {_one_line(finding.message + hint)}")
-    if len(error.findings) > SHOWN_FINDINGS:
-        say(f"  ... and {len(error.findings) - SHOWN_FINDINGS} more")
+def _say_lines(lines: Sequence[str]) -> None:
+    for line in lines[:SHOWN_PROBLEMS]:
+        say(f"  {_one_line(line)}")
+    if len(lines) > SHOWN_PROBLEMS:
+        say(f"  ... and {len(lines) - SHOWN_PROBLEMS} more")
 
 
 def _causes(error: BaseException) -> str:
