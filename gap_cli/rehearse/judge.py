@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -10,14 +9,13 @@ from gap_runtime.contracts.cell import CellFrame
 from gap_runtime.contracts.failures import DocumentError
 from gap_runtime.contracts.simulator import Simulator
 from gap_runtime.contracts.snapshot import WorldSnapshot
-from gap_runtime.contracts.task import SequenceStep, Task
+from gap_runtime.contracts.task import SequenceStep, Task, fill, slots
 from gap_runtime.graph.checkpoints import evaluate
 
 SETTLE_LIMIT_S = 3.0  # of world time: what rolls longer than this after release has not been placed
 SETTLE_STEP_S = 0.1
 SEQUENCE_HZ = 20.0  # how often a task's sequence is looked at
 STILL_STEPS = 2  # a swinging body stands still for an instant; two looks in a row are rest
-_SLOT = re.compile(r"\{([a-z_][a-z0-9_]*)\}")
 
 
 @dataclass(frozen=True)
@@ -62,8 +60,8 @@ class Verdict:
 
     @property
     def success(self) -> bool:
-        """Everything holds, at rest."""
-        return self.at_rest and all(self.conditions.values())
+        """Everything holds, at rest; nothing asked is nothing achieved."""
+        return self.at_rest and bool(self.conditions) and all(self.conditions.values())
 
 
 def make_conditions(task: Task, goals: Sequence[Mapping[str, str]]) -> Conditions:
@@ -105,11 +103,8 @@ def _resting(snapshot: WorldSnapshot, objects: Sequence[str]) -> bool:
 
 
 def _fill(task: Task, name: str, expression: str, goal: Mapping[str, str]) -> str:
-    def value(match: re.Match[str]) -> str:
-        if match[1] not in goal:
-            where = str(task.path / "task.yaml")
-            problem = f"success.{name}: no goal says what {match[0]} is"
-            raise DocumentError(where, problem, hint=f"Slots: {', '.join(goal)}.")
-        return goal[match[1]]
-
-    return _SLOT.sub(value, expression)
+    unsaid = [slot for slot in slots(expression) if slot not in goal]
+    if unsaid:
+        problem = f"success.{name}: no goal says what {{{unsaid[0]}}} is"
+        raise DocumentError(str(task.path / "task.yaml"), problem, hint=f"Slots: {', '.join(goal)}.")
+    return fill(expression, goal)

@@ -6,11 +6,12 @@ from collections.abc import Iterator
 from typing import Any
 
 import yaml
-from pydantic import ConfigDict, Field, field_validator
+from pydantic import Field, field_validator
 
 from gap_runtime.contracts.documents import check_text, located, parse_yaml, yaml_lines
 from gap_runtime.contracts.failures import DocumentError
 from gap_runtime.contracts.models import Document
+from gap_runtime.contracts.names import KebabName
 
 FENCE = "---"
 
@@ -18,8 +19,7 @@ FENCE = "---"
 class Frontmatter(Document):
     """The keys of the Agent Skills format, and no others. `name` is ASCII kebab-case, so no two names look alike."""
 
-    model_config = ConfigDict(populate_by_name=False)
-    name: str = Field(pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$", max_length=64)
+    name: KebabName
     description: str = Field(max_length=1024)
     license: str | None = None
     compatibility: str | None = Field(default=None, max_length=500)

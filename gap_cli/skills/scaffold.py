@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import importlib.util
-import re
 from collections.abc import Container
 from importlib import metadata
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from gap_runtime.contracts.names import name_problem
 from gap_runtime.errors import BadRequestError, StorageError
 
 TEMPLATES = Path(__file__).parent / "templates" / "plugin"
 SUFFIX = ".j2"
-_NAME = re.compile(r"^[a-z][a-z0-9]*(-[a-z0-9]+)*$")
 MAX_NAME = 50  # the skill format allows 64; the package name adds a prefix
 
 
@@ -25,12 +24,9 @@ def new_plugin(name: str, into: Path, skills: Container[str] = ()) -> list[Path]
     Raises `BadRequestError` for a name no skill can have and for one that is taken: by one of `skills`, or by an
     installed package, which the new one would replace. `StorageError` when the folder exists or cannot be written.
     """
-    if not _NAME.match(name) or len(name) > MAX_NAME:
-        raise BadRequestError(
-            "name",
-            f"{name!r} is not a name for a skill.",
-            hint=f"Use lower-case words joined by hyphens, at most {MAX_NAME} characters: wave-hello.",
-        )
+    problem = name_problem(name, "-", MAX_NAME)
+    if problem:
+        raise BadRequestError("name", problem, hint="Write for example wave-hello.")
     taken = f"there is a skill {name}" if name in skills else _installed(f"gap-{name}")
     if taken:
         raise BadRequestError("name", f"{name!r} is taken: {taken}.", hint="Choose another name.")

@@ -47,8 +47,7 @@ def _sharpen_workflow(schema: dict[str, Any], parts: dict[str, Any]) -> None:
 
 
 def _needed(part: dict[str, Any], key: str, *unless: dict[str, Any]) -> None:
-    """Ask for a key that the model needs only where the reader cannot fill it in from a file."""
-    part["required"].remove(key)
+    """Ask for a key that the model has a default for only where the reader can fill it in from a file."""
     part["anyOf"] = [{"required": [key]}, *unless]
 
 

@@ -20,6 +20,7 @@ from gap_cli.workspace.canonical import write_yaml
 from gap_cli.workspace.tasks import open_task
 from gap_runtime.contracts.documents import read_yaml
 from gap_runtime.contracts.models import Document
+from gap_runtime.contracts.names import KebabName
 from gap_runtime.errors import RunError, did_you_mean
 from gap_runtime.plugins import load_registry
 
@@ -33,7 +34,7 @@ class RunConfig(Document):
     skills beside those that are installed, absolute here and relative to the run in run.yaml."""
 
     schema_: Literal["gap/run/v1"] = Field(default="gap/run/v1", alias="schema")
-    task: str = Field(pattern=r"^([a-z][a-z0-9]*(-[a-z0-9]+)*)?$", max_length=64)  # '' where it is not known
+    task: KebabName | Literal[""]  # '' where it is not known
     variant: str = ""
     instruction: str = Field(min_length=1)
     author: str = "symbolic"

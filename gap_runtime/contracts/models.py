@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Self
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -25,6 +25,11 @@ class ProblemsError(ValueError):
         """Raise it where there is a problem."""
         if found := tuple(problems):
             raise cls(found)
+
+
+def unknown(asked: Iterable[tuple[str, str]], known: Collection[str], what: str) -> list[tuple[str, str]]:
+    """A problem for each (path, name) whose name is not among the known ones, which are `what`."""
+    return [(path, f"{name!r} is not {what}. {did_you_mean(name, known)}") for path, name in asked if name not in known]
 
 
 class Document(BaseModel):
@@ -76,7 +81,9 @@ def _texts(problem: ErrorDetails) -> Iterator[tuple[str, str]]:
         yield "", "is missing"
     else:
         text = problem["msg"].replace(" after validation", "")
-        yield "", value + (text.removeprefix("Input") if text.startswith("Input should ") else f": {text}")
+        subject, _, rest = text.partition(" should ")
+        about = {"Input": value, "String": value}.get(subject, subject)
+        yield "", f"{about} should {rest}" if rest else f"{value}: {text}"
 
 
 def _joined(texts: Sequence[str]) -> str:

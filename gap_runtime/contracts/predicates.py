@@ -49,13 +49,16 @@ class Problem:
 
 @dataclass(frozen=True)
 class Checked:
-    """An expression after checking: what it is about, and what is wrong with it."""
+    """An expression after checking: what is wrong with it, whether it asks anything of the world, and about what."""
 
     tree: ast.expr | None
     kind: str
     problems: tuple[Problem, ...]
-    bodies: tuple[str, ...]
-    joints: tuple[str, ...]
+    asks: bool = False
+    bodies: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()
+    touched: tuple[str, ...] = ()
+    arms: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,7 @@ class _Member:
     arguments: tuple[str, ...] | None
     required: int
     returns: str
+    arm: bool = False  # whether its argument is the number of an arm
 
 
 def evaluate(expression: str, snapshot: WorldSnapshot) -> Any:
@@ -75,7 +79,7 @@ def evaluate(expression: str, snapshot: WorldSnapshot) -> Any:
         raise DocumentError(f"expression {expression!r}", problem.message, hint=problem.hint)
     try:
         return _value(checked.tree, snapshot)
-    except (ArithmeticError, TypeError, ValueError) as error:
+    except (ArithmeticError, IndexError, TypeError, ValueError) as error:
         raise DocumentError(f"expression {expression!r}", f"has no value here ({error})") from None
 
 
@@ -94,11 +98,12 @@ def check_expression(expression: str) -> Checked:
         return _refused(f"has more than {MAX_NODES} parts", "Split it into several checkpoints.")
     checker = _Checker()
     kind = checker.kind(tree)
-    return Checked(tree, kind, tuple(checker.problems), tuple(checker.bodies), tuple(checker.joints))
+    named = (tuple(checker.named[key]) for key in ("body", "joint", "touches", "arm"))
+    return Checked(tree, kind, tuple(checker.problems), checker.asks, *named)
 
 
 def _refused(message: str, hint: str = "") -> Checked:
-    return Checked(None, "?", (Problem(message, hint),), (), ())
+    return Checked(None, "?", (Problem(message, hint),))
 
 
 class _Checker:
@@ -106,12 +111,13 @@ class _Checker:
 
     def __init__(self) -> None:
         self.problems: list[Problem] = []
-        self.bodies: list[str] = []
-        self.joints: list[str] = []
+        self.asks = False
+        self.named: dict[str, list[Any]] = {"body": [], "joint": [], "touches": [], "arm": []}
 
     def kind(self, node: ast.expr) -> str:
         match node:
             case ast.Name(id="w"):
+                self.asks = True
                 return "world"
             case ast.Name(id=name):
                 return self.refuse(f"{name!r} is not known", "An expression sees nothing but w.", word=name)
@@ -181,7 +187,7 @@ class _Checker:
         if call is None:
             return self.refuse(f"{node.attr} is a question", f"Write {node.attr}(...).")
         self.arguments(node.attr, found, call)
-        self.remember(owner, node.attr, call)
+        self.remember(node.attr, found, call)
         return found.returns
 
     def arguments(self, name: str, member: _Member, call: ast.Call) -> None:
@@ -195,14 +201,19 @@ class _Checker:
             if kind not in (want, "?"):
                 self.refuse(f"{name} wants a {want}, and {ast.unparse(part)} is a {kind}")
 
-    def remember(self, owner: str, name: str, call: ast.Call) -> None:
-        match (owner, name, call.args):
-            case ("world", "body", [ast.Constant(value=str(text))]):
-                self.bodies.append(text)
-            case ("world", "joint", [ast.Constant(value=str(text))]):
-                self.joints.append(text)
-            case ("world", "body" | "joint", [_]):
+    def remember(self, name: str, member: _Member, call: ast.Call) -> None:
+        """Keep what the call is about: the body, joint or thing to touch it names, or the number of the arm."""
+        match (name, call.args):
+            case ("body" | "joint" | "touches", [ast.Constant(value=str(text))]):
+                self.named[name].append(text)
+            case ("body" | "joint", [_]):
                 self.refuse(f"{name}(...) must name one in quotes")
+            case (_, []) if member.arm:
+                self.named["arm"].append(0)
+            case (_, [ast.Constant(value=int(index))]) if member.arm:
+                self.named["arm"].append(index)
+            case (_, [_]) if member.arm:
+                self.refuse(f"{name}(...) must give the arm's number")
 
 
 @cache
@@ -225,7 +236,7 @@ def _member(cls: type, name: str) -> _Member:
     parameters = list(inspect.signature(value).parameters.values())[1:]
     required = sum(p.default is inspect.Parameter.empty for p in parameters)
     kinds = tuple(_KINDS.get(hints[p.name], "?") for p in parameters)
-    return _Member(kinds, required, _KINDS.get(hints["return"], "?"))
+    return _Member(kinds, required, _KINDS.get(hints["return"], "?"), [p.name for p in parameters] == ["arm"])
 
 
 def _value(node: ast.expr, world: WorldSnapshot) -> Any:  # noqa: PLR0912 (one case per kind of node)

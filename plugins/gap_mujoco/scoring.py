@@ -5,7 +5,7 @@ from __future__ import annotations
 from gap_runtime.contracts.failures import BadRequestError, UnknownNameError
 from gap_runtime.contracts.predicates import evaluate
 from gap_runtime.contracts.snapshot import WorldSnapshot
-from gap_runtime.contracts.task import Task
+from gap_runtime.contracts.task import Task, fill, slots
 
 
 def conditions(
@@ -18,12 +18,11 @@ def conditions(
         if name not in models:
             raise UnknownNameError(f"object in scene {scene!r}", name, models)
     containers = [name for name, model in models.items() if model.is_container]
-    slots = {"{target}": target or scene, "{container}": container or (containers[0] if len(containers) == 1 else "")}
+    values = {"target": target or scene, "container": container or (containers[0] if len(containers) == 1 else "")}
     found = {}
     for name, expression in task.success.items():
-        for slot, value in slots.items():
-            if slot in expression and value not in models:
-                raise BadRequestError("goal", f"Nothing says what {slot} is in scene {scene!r}.")
-            expression = expression.replace(slot, value)
-        found[name] = bool(evaluate(expression, snapshot))
+        unsaid = [slot for slot in slots(expression) if values.get(slot) not in models]
+        if unsaid:
+            raise BadRequestError("goal", f"Nothing says what {{{unsaid[0]}}} is in scene {scene!r}.")
+        found[name] = bool(evaluate(fill(expression, values), snapshot))
     return found

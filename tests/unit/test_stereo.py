@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gap_mujoco.rendering.stereo import grainy, hidden_from_second, measured_depth, noisy_colour
-from gap_runtime.contracts.sensors import StereoDepth
+from gap_runtime.contracts.task.sensors import StereoDepth
 
 SHAPE = (240, 320)
 WALL = np.full(SHAPE, 1.5, np.float32)

@@ -7,7 +7,7 @@ from typing import Any
 
 from foxglove import messages as fg
 
-from gap_runtime.contracts.task import ObjectModel, Shape
+from gap_runtime.contracts.task import ObjectModel, Shape, rgb
 from gap_runtime.contracts.task.container_geometry import body_centre, handle_bars
 
 OPAQUE = 1.0
@@ -16,23 +16,14 @@ AROUND = 32  # sides a round wall is drawn with
 
 def entity(name: str, model: ObjectModel, stamp: fg.Timestamp) -> fg.SceneEntity:
     """The object `name`, drawn in the frame of the same name."""
-    tint = color(model.looks)
+    r, g, b = (channel / 255 for channel in rgb(model.looks.base))
+    tint = fg.Color(r=r, g=g, b=b, a=OPAQUE)
     draw = {"box": _box, "cylinder": _cylinder, "open_box": _open_box, "pan": _vessel, "mug": _vessel,
             "mesh": _box, "articulated": _box}  # fmt: skip
     return fg.SceneEntity(
         timestamp=stamp, frame_id=name, id=name, frame_locked=True, **draw[model.shape.kind](model.shape, tint),
         metadata=[fg.KeyValuePair(key="label", value=model.label)],
     )  # fmt: skip
-
-
-def color(looks: Any) -> fg.Color:
-    """The base colour of an object's looks, `#rrggbb`; grey where it names none."""
-    text = looks.get("base", "") if isinstance(looks, dict) else ""
-    try:
-        r, g, b = (int(text[i : i + 2], 16) / 255 for i in (1, 3, 5))
-    except (ValueError, TypeError):
-        r = g = b = 0.6
-    return fg.Color(r=r, g=g, b=b, a=OPAQUE)
 
 
 def _box(shape: Shape, tint: fg.Color) -> dict[str, Any]:

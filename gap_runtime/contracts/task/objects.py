@@ -2,114 +2,93 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any, Literal
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic_core import PydanticCustomError
 
-from gap_runtime.contracts.models import Document
-from gap_runtime.contracts.task.mesh_file import measure
-from gap_runtime.contracts.task.quantities import Positive, Triple
+from gap_runtime.contracts.models import Document, ProblemsError
+from gap_runtime.contracts.names import Identifier
+from gap_runtime.contracts.task.appearance import Appearance
+from gap_runtime.contracts.task.quantities import Density, Friction, Mass, Number, Phrase, Point3, Size3
+from gap_runtime.contracts.task.shape import HOLLOW, Shape, measured
 
-HOLLOW, HELD, FROM_FILE = ("open_box", "pan", "mug"), ("pan", "mug"), ("mesh", "articulated")
+PACKAGING = ("can", "carton", "bottle", "box")  # styles that are wrapped around a closed shape
 
 
-class Shape(Document):
-    """Full outer size [m] in the standing pose; the object's origin is the centre of that box, its z axis up.
-
-    `open_box`, `pan` and `mug` have walls and a floor and are open at the top. A pan and a mug are round, as wide as
-    their y size; the rest of the x size is a handle, `handle` = its width and its thickness.
-
-    A `mesh` is read from `file` (.obj, .stl, .ply, .glb; relative to the task's folder), scaled by `scale` and turned
-    by `rotate` (roll, pitch, yaw [deg]) to stand; its size is measured. It collides as at most `parts` convex pieces.
-    `articulated` is a model with joints, MJCF (.xml) or URDF (.urdf), whose origin the file chooses; its size is given.
-    `cavity` (centre, half-extents [m], in the object's frame) is the free space inside a container of either kind.
-    """
-
-    kind: Literal["box", "cylinder", "open_box", "pan", "mug", "mesh", "articulated"]
-    size: tuple[Positive, Positive, Positive]
-    wall: Positive | None = None
-    floor: Positive | None = None
-    handle: tuple[Positive, Positive] | None = None
-    file: Path | None = None
-    scale: Positive = 1.0
-    rotate: Triple = (0.0, 0.0, 0.0)
-    parts: int = Field(default=16, ge=1, le=64)
-    cavity: tuple[Triple, tuple[Positive, Positive, Positive]] | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _from_file(cls, data: Any, info: ValidationInfo) -> Any:
-        if not isinstance(data, dict) or data.get("kind") not in FROM_FILE or "file" not in data:
-            return data
-        path = (info.context or {}).get("folder", Path()) / str(data["file"])
-        if not path.is_file():
-            raise ValueError(f"file {data['file']!r} is not there (looked at {path})")
-        data = {**data, "file": path}
-        if data["kind"] == "mesh" and "size" not in data:
-            data["size"] = measure(path, data.get("scale", 1.0), tuple(data.get("rotate", (0.0, 0.0, 0.0)))).size
-        return data
-
-    @model_validator(mode="after")
-    def _walls(self) -> Shape:
-        if (self.kind in HOLLOW) != (self.wall is not None and self.floor is not None):
-            raise ValueError("wall and floor are for kinds open_box, pan and mug, and needed there")
-        if (self.kind in HELD) != (self.handle is not None):
-            raise ValueError("handle is for kinds pan and mug, and needed there")
-        if self.kind in HELD and self.size[0] <= self.size[1]:
-            raise ValueError(f"a {self.kind} is longer (x) than wide (y): the difference is its handle")
-        if (self.kind in FROM_FILE) != (self.file is not None):
-            raise ValueError("file is for kinds mesh and articulated, and needed there")
-        if self.cavity is not None and self.kind not in FROM_FILE:
-            raise ValueError("cavity is for kinds mesh and articulated; the others have one from wall and floor")
-        return self
+def _spoken(text: str) -> str:
+    if "." in text:
+        raise ValueError(f"{text!r} should hold no full stop, which separates the phrases a detector looks for")
+    return text
 
 
 class Part(Document):
     """A named part of an object: the upright box that holds it, by its centre and size [m] in the object's frame."""
 
-    center: Triple
-    size: tuple[Positive, Positive, Positive]
-    words: list[str] = []
+    center: Point3
+    size: Size3
+    words: list[Phrase] = []
 
 
 class ObjectModel(Document):
     """O: one kind of object. The id (its key in the task) is its name everywhere; `words` are other names for it.
 
-    `looks` is read by the simulator's builder and by providers that render the model: colours, label text, cap, ...
     A mesh may be given a `density` [kg/m^3] instead of its mass. A `fixed` object is bolted down where its instance
-    puts it; an articulated one always is. `parts` are places on it that a graph may ask for by name, such as a knob.
+    puts it; an articulated one always is. `accepts` lists the ids and categories that may be put into it; `*` stands
+    for anything. `parts` are places on it that a graph may ask for by name, such as a knob.
     """
 
-    label: str
-    words: list[str] = []
-    category: str = "object"
+    label: Annotated[Phrase, AfterValidator(_spoken)]
+    words: list[Phrase] = []
+    category: Phrase = "object"
     shape: Shape
-    mass: Positive
-    density: Positive | None = None
-    fixed: bool = False
-    friction: Positive = 0.9
-    looks: dict[str, Any] = {}
-    accepts: list[str] = []
-    parts: dict[str, Part] = {}
+    density: Density | None = None
+    mass: Mass = Field(default=None, validate_default=True)
+    fixed: bool = Field(default=False, validate_default=True)
+    friction: Friction = 0.9
+    looks: Appearance = Appearance()
+    accepts: list[Phrase | Literal["*"]] = []
+    parts: dict[Identifier, Part] = {}
 
-    @model_validator(mode="before")
+    @field_validator("mass", mode="before")
     @classmethod
-    def _mass(cls, data: Any, info: ValidationInfo) -> Any:
-        if not isinstance(data, dict) or not isinstance(data.get("shape"), dict):
-            return data
-        shape = data["shape"]
-        if shape.get("kind") == "articulated":
-            return {"mass": 1.0, "fixed": True, **data}  # its links carry their own masses
-        if "density" not in data:
-            return data
-        if shape.get("kind") != "mesh" or "mass" in data:
-            raise ValueError("density is for kind mesh, in place of mass")
-        path = (info.context or {}).get("folder", Path()) / str(shape.get("file", ""))
-        if not path.is_file():
-            return {"mass": 1.0, **data}  # the shape says what is wrong
-        found = measure(path, shape.get("scale", 1.0), tuple(shape.get("rotate", (0.0, 0.0, 0.0))))
-        return {**data, "mass": data["density"] * found.volume}
+    def _weighed(cls, mass: Any, info: ValidationInfo) -> Any:
+        """A mesh of known density weighs itself, and the links of an articulated object have masses of their own."""
+        shape, density = info.data.get("shape"), info.data.get("density")
+        if density is not None and (mass is not None or (shape is not None and shape.kind != "mesh")):
+            raise ValueError("should not stand beside density, which is for kind mesh in place of mass")
+        if mass is not None or shape is None or shape.kind == "articulated":
+            return 1.0 if mass is None else mass
+        if density is None:
+            raise PydanticCustomError("missing", "is missing")
+        return density * measured(vars(shape)).volume
+
+    @field_validator("fixed", mode="after")
+    @classmethod
+    def _bolted(cls, fixed: bool, info: ValidationInfo) -> bool:
+        return fixed or ("shape" in info.data and info.data["shape"].kind == "articulated")
+
+    @model_validator(mode="after")
+    def _dressed(self) -> ObjectModel:
+        ProblemsError.raise_any(self._undressed())
+        return self
+
+    def _undressed(self) -> Iterator[tuple[str, str]]:
+        """Where looks and shape do not go together."""
+        style, kind, rim, texture = self.looks.style, self.shape.kind, self.looks.rim, self.looks.texture
+        if style in PACKAGING and kind in HOLLOW:
+            yield "looks.style", f"{style!r} is for closed shapes, not for kind {kind}"
+        if style == "basket" and kind != "open_box":
+            yield "looks.style", f"'basket' is for kind open_box, not for {kind}"
+        if rim and kind != "open_box":
+            yield "looks.rim", f"{rim:g} is for kind open_box, not for {kind}"
+        elif rim and self.shape.wall is not None and rim >= self.shape.wall:
+            yield "looks.rim", f"{rim:g} should be less than {self.shape.wall:g}, the wall that it is part of"
+        if texture and kind != "mesh":
+            yield "looks.texture", f"{texture!r} is for kind mesh, not for {kind}"
+        elif texture and self.shape.file is not None and not (self.shape.file.parent / texture).is_file():
+            yield "looks.texture", f"{texture!r} is not there (looked in {self.shape.file.parent})"
 
     @property
     def is_container(self) -> bool:
@@ -120,5 +99,14 @@ class ObjectModel(Document):
 class Joint(Document):
     """X: one articulated degree of freedom [rad or m]."""
 
-    range: tuple[float, float]
-    initial: float = 0.0
+    range: tuple[Number, Number]
+    initial: Number = 0.0
+
+    @model_validator(mode="after")
+    def _inside(self) -> Joint:
+        low, high = self.range
+        if not low < high:
+            raise ProblemsError([("range", f"{low:g} should be less than {high:g}")])
+        if not low <= self.initial <= high:
+            raise ProblemsError([("initial", f"{self.initial:g} should be within [{low:g}, {high:g}]")])
+        return self

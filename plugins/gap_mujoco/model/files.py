@@ -13,9 +13,8 @@ import numpy as np
 from dm_control import mjcf
 
 from gap_mujoco.model.primitives import VISUAL_ONLY, contact_attributes
-from gap_mujoco.rendering.appearance import Looks, rgb
 from gap_runtime.contracts.failures import DocumentError
-from gap_runtime.contracts.task import ObjectModel, Shape
+from gap_runtime.contracts.task import Appearance, ObjectModel, Shape, rgb
 from gap_runtime.contracts.task.mesh_file import load_mesh, load_solid
 from gap_runtime.contracts.types import Array
 
@@ -25,7 +24,7 @@ TEXTURE = 512  # px: the longest side of a texture; more slows software renderin
 SIZE_TOLERANCE = 0.005  # [m] between the size a task gives for an articulated object and its model's
 
 
-def build_mesh(root: mjcf.RootElement, model: ObjectModel, looks: Looks) -> None:
+def build_mesh(root: mjcf.RootElement, model: ObjectModel, looks: Appearance) -> None:
     """Add a mesh's convex parts, with its mass, and what is seen of it."""
     shape = model.shape
     parts = convex_parts(shape)
@@ -110,7 +109,7 @@ def _volume(vertices: Array, faces: Array) -> float:
     return max(float(abs(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6), 1e-12)
 
 
-def _surface(mesh: Any, model: ObjectModel, looks: Looks) -> tuple[Array | None, Array | None, tuple[float, ...]]:
+def _surface(mesh: Any, model: ObjectModel, looks: Appearance) -> tuple[Array | None, Array | None, tuple[float, ...]]:
     """Texture coordinates, picture and colour; the task's looks come before the file's own."""
     material = getattr(mesh.visual, "material", None)
     uv = getattr(mesh.visual, "uv", None)
@@ -119,7 +118,7 @@ def _surface(mesh: Any, model: ObjectModel, looks: Looks) -> tuple[Array | None,
         assert model.shape.file is not None
         image = cv2.imread(str(model.shape.file.parent / looks.texture))
         image = None if image is None else image[:, :, ::-1]
-    elif "base" not in model.looks and material is not None:
+    elif "base" not in looks.model_fields_set and material is not None:
         found = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
         image = None if found is None else np.asarray(found.convert("RGB"))
     if uv is not None and image is not None:
@@ -127,7 +126,7 @@ def _surface(mesh: Any, model: ObjectModel, looks: Looks) -> tuple[Array | None,
         if longest > TEXTURE:
             image = cv2.resize(image, None, fx=TEXTURE / longest, fy=TEXTURE / longest, interpolation=cv2.INTER_AREA)
         return np.column_stack([uv[:, 0], 1 - uv[:, 1]]), image, (1.0, 1.0, 1.0, 1.0)
-    if "base" in model.looks or not mesh.visual.defined:
+    if "base" in looks.model_fields_set or not mesh.visual.defined:
         colour = np.array(rgb(looks.base)) / 255
     else:
         colour = np.asarray(mesh.visual.to_color().face_colors)[:, :3].mean(axis=0) / 255

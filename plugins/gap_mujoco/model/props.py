@@ -11,10 +11,9 @@ from dm_control import mjcf
 from gap_mujoco.model.files import build_articulated, build_mesh
 from gap_mujoco.model.primitives import VISUAL_ONLY, CollisionPrimitive, contact_attributes
 from gap_mujoco.model.vessels import vessel_cavity, vessel_primitives
-from gap_mujoco.rendering.appearance import Looks, rgb
 from gap_mujoco.rendering.labels import draw_side, draw_top, draw_weave
 from gap_mujoco.rendering.loft import Mesh, Section, face_widths, loft_cap, loft_side
-from gap_runtime.contracts.task import ObjectModel, Shape
+from gap_runtime.contracts.task import Appearance, ObjectModel, Shape, rgb
 from gap_runtime.contracts.types import Array
 
 _CAP_SHARE = 0.62  # a bottle's cap, as a share of its narrower side
@@ -51,11 +50,11 @@ _SILHOUETTES = {
 def build_object(name: str, model: ObjectModel) -> mjcf.RootElement:
     """MJCF of one object, its origin at the centre of its bounding box, its z axis up in the standing pose.
 
-    Raises `DocumentError` when its looks or its file cannot be read.
+    Raises `DocumentError` when its file cannot be read.
     """
     if model.shape.kind == "articulated":
         return build_articulated(name, model)
-    looks = Looks.of(model.looks, name)
+    looks = model.looks
     root = mjcf.RootElement(model=name)
     root.compiler.angle = "radian"
     if model.shape.kind == "mesh":
@@ -72,7 +71,7 @@ def build_object(name: str, model: ObjectModel) -> mjcf.RootElement:
     return root
 
 
-def collision_primitives(shape: Shape, looks: Looks) -> list[CollisionPrimitive]:
+def collision_primitives(shape: Shape, looks: Appearance) -> list[CollisionPrimitive]:
     """The collision geometry of a shape."""
     x, y, z = shape.size
     if shape.kind == "open_box":
@@ -124,7 +123,7 @@ def _open_box(shape: Shape, rim: float) -> list[CollisionPrimitive]:
     return primitives
 
 
-def _add_visuals(root: mjcf.RootElement, shape: Shape, looks: Looks, primitives: list[CollisionPrimitive]) -> None:
+def _add_visuals(root: mjcf.RootElement, shape: Shape, looks: Appearance, primitives: list[CollisionPrimitive]) -> None:
     """Add the visual geometry."""
     if looks.style == "basket":
         weave = _material(root, "weave", draw_weave(looks), cube=True)
@@ -142,7 +141,7 @@ def _add_visuals(root: mjcf.RootElement, shape: Shape, looks: Looks, primitives:
             _add_visual_primitives(root, [_cap(shape)], rgba=_rgba(looks.cap))
 
 
-def _add_packaging(root: mjcf.RootElement, shape: Shape, looks: Looks) -> None:
+def _add_packaging(root: mjcf.RootElement, shape: Shape, looks: Appearance) -> None:
     silhouette = _SILHOUETTES[looks.style]
     side = draw_side(looks, face_widths(shape.size, silhouette.exponent), shape.size[2])
     lid = _material(root, "lid", draw_top(looks, shape.size[:2]))

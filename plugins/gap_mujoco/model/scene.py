@@ -16,7 +16,7 @@ from gap_mujoco.model.props import build_object
 from gap_mujoco.rendering.camera import OPTICAL
 from gap_runtime.contracts.failures import UnknownNameError
 from gap_runtime.contracts.robot import CameraSpec, RobotSpec
-from gap_runtime.contracts.task import Environment, RobotPlacement, Task
+from gap_runtime.contracts.task import Environment, RobotPlacement, Task, mounted_cameras
 from gap_runtime.contracts.types import Array
 
 _TILE = 0.4  # [m]
@@ -69,12 +69,11 @@ def compose(task: Task, scene: str, robots: Mapping[str, RobotSpec]) -> Scene:
 
 
 def _scene_cameras(task: Task, placed: tuple[tuple[RobotSpec, RobotPlacement], ...]) -> list[SceneCamera]:
-    cameras = [SceneCamera(name, name, c.fovy, c.resolution) for name, c in task.cameras.items()]
-    for i, (spec, _) in enumerate(placed):
-        for camera in spec.cameras:
-            name = camera.name if len(placed) == 1 else f"{camera.name}_{i}"
-            cameras.append(SceneCamera(name, f"arm{i}/{camera.name}", camera.fovy, camera.resolution))
-    return cameras
+    mounted = mounted_cameras([spec for spec, _ in placed])
+    return [
+        *(SceneCamera(name, name, c.fovy, c.resolution) for name, c in task.cameras.items()),
+        *(SceneCamera(name, f"arm{arm}/{c.name}", c.fovy, c.resolution) for name, arm, c in mounted),
+    ]
 
 
 def _attach_robot(root: mjcf.RootElement, spec: RobotSpec, placement: RobotPlacement, name: str) -> None:

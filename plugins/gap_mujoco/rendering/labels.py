@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import cv2
 import numpy as np
 
-from gap_mujoco.rendering.appearance import Looks, rgb
+from gap_runtime.contracts.task import Appearance, rgb
 from gap_runtime.contracts.types import Array
 
 PIXELS_PER_METRE = 4000
@@ -15,14 +15,14 @@ _FONT = cv2.FONT_HERSHEY_DUPLEX
 _MIN_SIDE = 16
 
 
-def draw_side(looks: Looks, faces: Sequence[float], height: float) -> Array:
+def draw_side(looks: Appearance, faces: Sequence[float], height: float) -> Array:
     """The label around an object: one panel per face, `faces` their widths [m]. RGB uint8, shape (H, W, 3)."""
     rows = _pixels(height)
     panels = [_panel(looks, rows, _pixels(width)) for width in faces]
     return np.ascontiguousarray(np.hstack(panels))
 
 
-def draw_top(looks: Looks, size: tuple[float, float]) -> Array:
+def draw_top(looks: Appearance, size: tuple[float, float]) -> Array:
     """The face seen from above, `size` along x and y [m]. RGB uint8, shape (H, W, 3)."""
     cols, rows = _pixels(size[0]), _pixels(size[1])
     if looks.style == "can":
@@ -32,7 +32,7 @@ def draw_top(looks: Looks, size: tuple[float, float]) -> Array:
     return np.full((rows, cols, 3), rgb(looks.cap if looks.style == "bottle" else looks.base), np.uint8)
 
 
-def draw_weave(looks: Looks, size: int = 256) -> Array:
+def draw_weave(looks: Appearance, size: int = 256) -> Array:
     """A wicker weave for baskets. RGB uint8, shape (size, size, 3)."""
     image = np.full((size, size, 3), rgb(looks.base), np.uint8)
     step = size // 16
@@ -49,7 +49,7 @@ def _pixels(metres: float) -> int:
     return max(_MIN_SIDE, round(metres * PIXELS_PER_METRE))
 
 
-def _panel(looks: Looks, rows: int, cols: int) -> Array:
+def _panel(looks: Appearance, rows: int, cols: int) -> Array:
     image = np.full((rows, cols, 3), rgb(looks.base), np.uint8)
     _PATTERNS.get(looks.pattern, _no_pattern)(image, rgb(looks.accent))
     if looks.text:
@@ -76,7 +76,7 @@ def _print(image: Array, lines: Sequence[str], area: tuple[int, int, int, int], 
         cv2.putText(image, line, (x, y), _FONT, scale, ink, thickness, cv2.LINE_AA)
 
 
-def _lid(looks: Looks, rows: int, cols: int) -> Array:
+def _lid(looks: Appearance, rows: int, cols: int) -> Array:
     """A tin's lid: concentric pressed rings and a pull tab."""
     metal = np.array(rgb(looks.cap))
     image = np.full((rows, cols, 3), metal, np.uint8)

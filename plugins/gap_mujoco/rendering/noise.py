@@ -20,8 +20,8 @@ from gap_mujoco.model.compiled import TIMESTEP
 from gap_mujoco.model.scene import SceneCamera
 from gap_mujoco.rendering.camera import OPTICAL
 from gap_mujoco.rendering.stereo import measured_depth, noisy_colour
-from gap_runtime.contracts.sensors import CameraNoise
 from gap_runtime.contracts.task import Task
+from gap_runtime.contracts.task.sensors import CameraNoise
 from gap_runtime.contracts.types import Array, CameraObservation, DepthImage, Image, Se3Pose
 
 

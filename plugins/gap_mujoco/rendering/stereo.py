@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from scipy.stats import norm
 
-from gap_runtime.contracts.sensors import StereoDepth
+from gap_runtime.contracts.task.sensors import StereoDepth
 from gap_runtime.contracts.types import Array
 
 

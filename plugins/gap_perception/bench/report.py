@@ -11,7 +11,7 @@ from gap_perception.bench.scenes import LEVELS
 from gap_perception.bench.summary import MIN_VISIBLE, by, summarise
 from gap_perception.bench.truth import FOUND
 from gap_runtime.contracts.bench import BenchReport, Picture, Table
-from gap_runtime.contracts.sensors import CameraNoise
+from gap_runtime.contracts.task.sensors import CameraNoise
 
 PACKAGES = ("mujoco", "numpy", "scipy", "opencv-python-headless", "scikit-learn")
 MEASURES = {

@@ -45,7 +45,7 @@ class Phrase:
 
 def read_phrase(text: str, vocabulary: Vocabulary) -> Phrase | None:
     """The phrase as a whole if the vocabulary knows it, else with a place or a relation; None when not understood."""
-    clean = " ".join(re.sub(r"[^a-z0-9' ]", " ", text.lower().replace("-", " ")).split())
+    clean = " ".join(re.sub(r"[^\w' ]|_", " ", text.lower().replace("-", " ")).split())
     names = vocabulary.resolve(clean)
     if names:
         return Phrase(text, names)

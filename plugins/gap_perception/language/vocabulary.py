@@ -23,7 +23,7 @@ STYLE_WORDS = {
     "basket": "basket container bin",
 }  # fmt: skip
 UPRIGHT = 1.5  # height over width from which something is tall; below its inverse it is flat
-_WORD = re.compile(r"[a-z0-9]+")
+_WORD = re.compile(r"[^\W_]+")
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def build_vocabulary(
 def _entry(name: str, model: ObjectModel, colours: frozenset[str]) -> Entry:
     names = dict.fromkeys(frozenset(tokens(text)) for text in (name.replace("_", " "), model.label, *model.words))
     x, y, z = model.shape.size
-    shape_words = STYLE_WORDS.get(str(model.looks.get("style", "")), KIND_WORDS[model.shape.kind])
+    shape_words = STYLE_WORDS.get(model.looks.style, KIND_WORDS[model.shape.kind])
     attributes = {*GENERIC, *tokens(model.category), *shape_words.split(), *colours}
     if z > UPRIGHT * max(x, y):
         attributes |= {"tall", "upright", "high"}

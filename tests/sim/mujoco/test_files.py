@@ -173,8 +173,8 @@ def test_urdf_is_read_like_mjcf(folder, tmp_path):
     [
         (("file: bowl.stl", "file: bow.stl"), "bow.stl' is not there"),
         (("file: bowl.stl", "file: task.yaml"), "cannot be read as a mesh"),
-        (("density: 800", "density: 800\n    mass: 1"), "density is for kind mesh, in place of mass"),
-        (("file: cupboard.xml, ", ""), "file is for kinds mesh and articulated"),
+        (("density: 800", "density: 800\n    mass: 1"), "bowl.mass: should not stand beside density"),
+        (("file: cupboard.xml, ", ""), "shape.file: is missing, and needed for kind articulated"),
     ],
 )
 def test_a_file_that_cannot_be_used_is_refused_when_the_task_is_read(folder, tmp_path, change, says):

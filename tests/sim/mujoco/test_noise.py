@@ -11,7 +11,7 @@ from gap_mujoco.rendering.noise import calibration_error
 from gap_mujoco.simulator import MujocoSimulator
 from gap_runtime.contracts.access import node_scope
 from gap_runtime.contracts.failures import DocumentError, PrivilegedReadError
-from gap_runtime.contracts.sensors import CameraNoise, Sensors, StereoDepth
+from gap_runtime.contracts.task.sensors import CameraNoise, Sensors, StereoDepth
 
 pytestmark = pytest.mark.sim
 

@@ -74,7 +74,7 @@ def test_visual_and_collision_geometry_are_the_same(model):
     [
         ({"handle": None}, "handle"),
         ({"wall": None}, "wall"),
-        ({"size": (0.1, 0.1, 0.1)}, "longer"),
+        ({"size": (0.1, 0.1, 0.1)}, "size.0: 0.1 should be greater than 0.1"),
         ({"kind": "box"}, "wall"),
     ],
 )

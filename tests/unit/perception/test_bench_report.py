@@ -8,7 +8,7 @@ import pytest
 
 from gap_perception.bench.report import GOALS, report
 from gap_perception.bench.summary import by, summarise
-from gap_runtime.contracts.sensors import CameraNoise, StereoDepth
+from gap_runtime.contracts.task.sensors import CameraNoise, StereoDepth
 
 
 def row(name, there=True, found=True, *, sensor="clean", wrong=False, mm=1.0, clutter="usual", seed=1):

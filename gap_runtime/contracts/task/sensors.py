@@ -8,10 +8,12 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from gap_runtime.contracts.failures import DocumentError, did_you_mean
-from gap_runtime.contracts.models import Document
+from gap_runtime.contracts.models import Document, ProblemsError, unknown
+from gap_runtime.contracts.names import Name
 
-Amount = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+_FINITE = {"strict": True, "allow_inf_nan": False}
+Amount = Annotated[float, Field(ge=0, **_FINITE)]
+Positive = Annotated[float, Field(gt=0, **_FINITE)]
 
 
 class StereoDepth(Document):
@@ -33,9 +35,9 @@ class StereoDepth(Document):
     baseline: Positive
     focal: Positive
     subpixel: Amount
-    grain: Annotated[float, Field(ge=0, le=20, allow_inf_nan=False)] = 0.0
-    jitter: Annotated[float, Field(ge=0, le=20, allow_inf_nan=False)] = 0.0
-    dropout: Annotated[float, Field(ge=0, lt=1, allow_inf_nan=False)] = 0.0
+    grain: Annotated[float, Field(ge=0, le=20, **_FINITE)] = 0.0
+    jitter: Annotated[float, Field(ge=0, le=20, **_FINITE)] = 0.0
+    dropout: Annotated[float, Field(ge=0, lt=1, **_FINITE)] = 0.0
     unit: Amount = 0.0
 
     def deviation(self, z: float) -> float:
@@ -54,10 +56,10 @@ class CameraNoise(Document):
     """
 
     depth: StereoDepth | None = None
-    colour: Annotated[float, Field(ge=0, le=255, allow_inf_nan=False)] = 0.0
-    light: Annotated[float, Field(ge=0, lt=1, allow_inf_nan=False)] = 0.0
+    colour: Annotated[float, Field(ge=0, le=255, **_FINITE)] = 0.0
+    light: Annotated[float, Field(ge=0, lt=1, **_FINITE)] = 0.0
     shift: Amount = 0.0
-    turn: Annotated[float, Field(ge=0, le=45, allow_inf_nan=False)] = 0.0
+    turn: Annotated[float, Field(ge=0, le=45, **_FINITE)] = 0.0
 
 
 class Sensors(Document):
@@ -66,16 +68,13 @@ class Sensors(Document):
     Lights are shared: where cameras differ in `light`, the largest holds.
     """
 
-    models: dict[str, CameraNoise] = {}
+    models: dict[Name, CameraNoise] = {}
     use: str | dict[str, str] = {}
 
     @model_validator(mode="after")
     def _known(self) -> Sensors:
-        named = {"": self.use} if isinstance(self.use, str) else self.use
-        for camera, name in named.items():
-            if name not in self.models:
-                key = f"use.{camera}" if camera else "use"
-                raise ValueError(f"{key}: {name!r} is not in sensors.models. {did_you_mean(name, self.models)}")
+        named = {"use": self.use} if isinstance(self.use, str) else {f"use.{c}": n for c, n in self.use.items()}
+        ProblemsError.raise_any(unknown(named.items(), self.models, "in sensors.models"))
         return self
 
     def by_camera(self, cameras: Iterable[str], where: str) -> Mapping[str, CameraNoise]:

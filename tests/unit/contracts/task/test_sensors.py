@@ -7,7 +7,7 @@ import math
 import pytest
 
 from gap_runtime.contracts.failures import DocumentError
-from gap_runtime.contracts.sensors import CameraNoise, Sensors, StereoDepth
+from gap_runtime.contracts.task.sensors import CameraNoise, Sensors, StereoDepth
 
 DEPTH = {"baseline": 0.05, "focal": 400.0, "subpixel": 0.1}
 

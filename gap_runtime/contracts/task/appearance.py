@@ -1,20 +1,21 @@
-"""How an object of a task looks: the part of `ObjectModel.looks` this world understands, checked."""
+"""How an object looks: what worlds draw and providers that render the models expect to see."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from gap_runtime.contracts.models import Document
+from gap_runtime.contracts.task.quantities import Thickness
 
 Colour = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$")]
 Style = Literal["plain", "can", "carton", "bottle", "box", "basket"]
 Pattern = Literal["none", "letters", "disc", "stripes", "dots", "waves", "chevrons", "checks"]
 
 
-class Looks(Document):
-    """Appearance. `base` is the packaging's colour, `accent` that of the label's band and pattern, `ink` the print's.
+class Appearance(Document):
+    """`base` is the packaging's colour, `accent` that of the label's band and pattern, `ink` the print's.
 
     texture picture of a mesh, in place of the file's own; a path beside the mesh
     text    what is printed on the label, one entry per line
@@ -30,12 +31,7 @@ class Looks(Document):
     pattern: Pattern = "none"
     text: list[str] = []
     texture: str = ""
-    rim: Annotated[float, Field(ge=0)] = 0.0
-
-    @classmethod
-    def of(cls, looks: dict[str, Any], name: str) -> Looks:
-        """Read the `looks` of object `name`. Raises `DocumentError`."""
-        return cls.load(looks, f"objects.{name}.looks")
+    rim: Thickness | Literal[0] = 0
 
 
 def rgb(colour: str) -> tuple[int, int, int]:

@@ -21,7 +21,7 @@ BASE = {
     "objects": {"can": {"label": "can", "shape": {"kind": "box", "size": [0.1, 0.1, 0.1]}, "mass": 1.0}},
     "belief": {"regions": {"a": {"center": [0, 0], "support": "floor"}}},
     "scenes": {"can": {"can": "a"}},
-    "success": {},
+    "success": {"there": 'w.body("{target}").x > 0.5'},
 }
 
 
@@ -59,7 +59,7 @@ def test_the_last_word_is_the_variants_own(load):
     [
         ({"a": {"extends": "a"}}, "variants.a.extends: goes in circles: a > a"),
         ({"a": {"extends": "b"}, "b": {"extends": "a"}}, "circles: a > b > a"),
-        ({"a": {"extends": "fats"}, "fast": {}}, "'fats' is not a variant Did you mean 'fast'"),
+        ({"a": {"extends": "fats"}, "fast": {}}, "'fats' is not a variant. Did you mean 'fast'"),
         ({"a": {"extends": ["b"]}, "b": {}}, "variants.a.extends"),
         ({"a": [1]}, "variants.a: must be a mapping"),
     ],
