@@ -22,6 +22,7 @@ from gap_runtime.contracts.task.rendering import ObjectRenderer, require_rendere
 from gap_runtime.errors import UnknownNameError
 from gap_runtime.graph.checkpoints import evaluate
 from gap_runtime.plugins import Registry
+from gap_runtime.run.events import Event
 from gap_runtime.run.execute import RunSetup
 from gap_runtime.run.services import SHARED, ScriptRunner
 
@@ -50,24 +51,31 @@ class EpisodeRunner:
 
     def roll(self, seed: int) -> EpisodeResult:
         """Roll out one seed, with pictures and a recording where the job asks for them."""
-        recording = _Recording(self, seed) if self.job.record else None
+        recording: _Recording | None = None
+        stood = False
 
         def on_reset() -> None:
+            nonlocal recording, stood
+            stood = True
             self._picture(seed, "first")
-            if recording is not None:
-                recording.start()
+            if self.job.record:
+                recording = _Recording(self, seed)
 
-        observers = [recording.recorder.on_event] if recording is not None else []
+        def on_event(event: Event) -> None:
+            if recording is not None:
+                recording.recorder.on_event(event)
+
         try:
+            observers = [on_event] if self.job.record else []
             result, sound = run_episode(self.prepared, self.simulator, self._setup(seed), observers, on_reset)
         finally:
             if recording is not None:
                 recording.stop()
-        if sound:
-            self._picture(seed, "last")
-        else:
+        if not sound:
             self.simulator.close()
             self.simulator = make_simulator(self.prepared)
+        elif stood:
+            self._picture(seed, "last")
         return result
 
     def _setup(self, seed: int) -> RunSetup:
@@ -145,29 +153,21 @@ def prepare_models(registry: Registry, task: Task, used: frozenset[str]) -> None
 
 
 class _Recording:
-    """An MCAP of one episode, from reset to verdict."""
+    """An MCAP of one episode, from the instant the instance stands to the verdict."""
 
     def __init__(self, stage: EpisodeRunner, seed: int) -> None:
         from gap_cli.rehearse.recording.mcap import McapRecorder
 
-        inventory = stage.prepared.inventory
-        task = inventory.task
-        self._simulator = stage.simulator
-        self._unsubscribe: Callable[[], None] | None = None
+        inventory, simulator = stage.prepared.inventory, stage.simulator
         self.recorder: McapRecorder = McapRecorder(
             recording_path(stage.job.output, seed),
-            task.scene_objects(stage.prepared.bundle.goals.scene),
-            tuple(inventory.robots[placement.model] for placement in task.robots),
+            inventory.task.scene_objects(stage.prepared.bundle.goals.scene),
+            tuple(inventory.robots[placement.model] for placement in inventory.task.robots),
         )
-
-    def start(self) -> None:
-        """From the instant the instance stands."""
-        simulator = self._simulator
         self.recorder.on_frame(CellFrame(simulator.time, simulator.observe(), simulator.snapshot()))
         self._unsubscribe = simulator.subscribe(self.recorder.on_frame, RECORD_HZ, simulator.camera_names)
 
     def stop(self) -> None:
         """Finish the file."""
-        if self._unsubscribe is not None:
-            self._unsubscribe()
+        self._unsubscribe()
         self.recorder.close()

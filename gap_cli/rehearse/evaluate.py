@@ -130,7 +130,8 @@ def _record_failed(
 
     A worker that was lost, the first time or the second, says nothing about whether physics is deterministic.
     """
-    failed = [seed for seed, result in sorted(results.items()) if not result.row["success"]]
+    rows = {seed: result.row for seed, result in sorted(results.items())}
+    failed = [s for s, row in rows.items() if not row["success"] and row["status"] != "infeasible"]
     if not failed or stop.is_set():
         return []
     say(f"Recording {len(failed)} failed episodes.")

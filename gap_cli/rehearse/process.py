@@ -22,6 +22,7 @@ from gap_runtime.contracts.engine import RehearsalJob
 OUT_OF_MEMORY = 86  # exit code of a worker that saw a MemoryError
 END_LIMIT_S = 3.0
 CHUNK, MAX_LINE = 1 << 16, 64 << 20
+ERROR_LINES = 8  # of a library's error message
 _ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS"), "1"
 )  # workers share the cores, and a sum split over threads depends on their number
@@ -127,7 +128,7 @@ class Worker:
             os.close(self.reader.fd)
 
     def exit_reason(self) -> str:
-        """Why it is gone, from its exit code and the last line of its log."""
+        """Why it is gone, from its exit code and what its log ends with."""
         try:
             code = self.process.wait(END_LIMIT_S)
         except subprocess.TimeoutExpired:
@@ -138,7 +139,7 @@ class Worker:
             return "killed by SIGKILL (the system was most likely out of memory)"
         if code < 0:
             return f"died of {signal.Signals(-code).name}"
-        return f"exited with code {code}: {_last_line(self.log)}"
+        return f"exited with code {code}: {_last_error(self.log)}"
 
 
 def encode_job(job: RehearsalJob) -> str:
@@ -155,8 +156,12 @@ def decode_job(text: str) -> RehearsalJob:
     return RehearsalJob(**values)
 
 
-def _last_line(log: Path) -> str:
+def _last_error(log: Path) -> str:
+    """What the log ends with: the whole text of an exception, which follows the indented lines of its traceback."""
     with contextlib.suppress(OSError):
-        lines = log.read_text(encoding="utf-8", errors="replace").split("\n")
-        return next((line.strip() for line in reversed(lines) if line.strip()), "no log")
+        lines = [
+            line.rstrip() for line in log.read_text(encoding="utf-8", errors="replace").split("\n") if line.strip()
+        ]
+        start = max((i + 1 for i, line in enumerate(lines) if line.startswith("  ")), default=len(lines) - 1)
+        return "; ".join(lines[start : start + ERROR_LINES]) or lines[-1] if lines else "no log"
     return "no log"

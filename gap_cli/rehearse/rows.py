@@ -48,7 +48,7 @@ def attribute_failure(result: RunResult, monitor: EpisodeMonitor, verdict: Verdi
     last = {visit["node"]: visit for visit in monitor.subgraphs}
     for name, visit in last.items():
         if not visit["passed"]:
-            return {"stage": name, **_attribute_visit(visit, monitor)}
+            return {"stage": name, **_attribute_visit(visit, monitor, result)}
     if result.status in ("error", "cancelled"):
         node = result.failed_node
         cause = monitor.failed.get(node, result.status)
@@ -71,8 +71,9 @@ def instance_summary(instance: Instance) -> dict[str, Any]:
     return {**found, **dict(sorted(instance.joints.items()))}
 
 
-def _attribute_visit(visit: Mapping[str, Any], monitor: EpisodeMonitor) -> dict[str, str]:
-    """Why a subgraph failed: the node that failed in it, else the checkpoint that does not hold, else its exit."""
+def _attribute_visit(visit: Mapping[str, Any], monitor: EpisodeMonitor, result: RunResult) -> dict[str, str]:
+    """Why a subgraph failed: the node that failed in it, else the checkpoint that does not hold, else what stopped the
+    run in it, else its exit."""
     nodes = [n for n in monitor.nodes if not n["ok"] and n["node"].partition("/")[0] == visit["node"]]
     if nodes and not visit["ok"]:
         node = nodes[-1]
@@ -80,6 +81,8 @@ def _attribute_visit(visit: Mapping[str, Any], monitor: EpisodeMonitor) -> dict[
     broken = [name for name, p in visit["checkpoints"].items() if p["validate"] and not p["passed"]]
     if visit["ok"] and broken:
         return {"cause": broken[0], "reason": f"checkpoint {broken[0]!r} does not hold at exit {visit['exit']!r}"}
+    if visit is monitor.subgraphs[-1] and result.status in ("error", "cancelled") and not result.failed_node:
+        return {"cause": "stopped", "reason": result.error}
     return {"cause": visit["exit"], "reason": f"{visit['node']} ended with {visit['exit']!r}"}
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 
 from gap_control import motion_executor
 from gap_mujoco.arm import MujocoArm
-from gap_mujoco.belief import Belief
+from gap_mujoco.belief import EXAMINED, Belief
 from gap_mujoco.ground_truth import GroundTruthReader, pose_qpos
 from gap_mujoco.model.scene import compose
 from gap_mujoco.physics import Physics
@@ -37,6 +38,7 @@ class MujocoSimulator:
     def __init__(self, task: Task, scene: str, robots: Mapping[str, RobotSpec]) -> None:
         self._thread = SimulatorThread("mujoco")
         self._scene_name, self._belief = scene, Belief(task, scene, robots)
+        self._supports = frozenset(task.environment.supports)
         self._renderer: Renderer | None = None
         self._start: WorldSnapshot | None = None
         self._closed = False
@@ -97,21 +99,27 @@ class MujocoSimulator:
             missing = sorted(set(instance.poses) ^ set(self._scene.objects))
             raise BadRequestError("instance", f"The instance and the scene disagree about {', '.join(missing)}.")
         self._start = None
-        self._physics.clear()
         self._noise.draw(instance.seed)
-        data = self._physics.data
+        self._arrange(instance)
+        self._physics.placed = True
+        with self._physics.unobserved():
+            try:
+                self._come_to_rest(instance)
+            except TaskInfeasibleError:
+                self._physics.placed = False
+                raise
+        self._physics.start_clock()
+        self._start = self._truth.snapshot(None)
+
+    def _arrange(self, instance: Instance) -> None:
+        self._physics.clear()
         for name, pose in instance.poses.items():
             self._place(name, pose)
         for name, value in instance.joints.items():
-            data.qpos[self._truth.joint_address(name)] = value
+            self._physics.data.qpos[self._truth.joint_address(name)] = value
         for arm in self._arms:
             arm.place_home()
         self._physics.forward()
-        self._physics.placed = True
-        with self._physics.unobserved():
-            self._come_to_rest(instance)
-        self._physics.start_clock()
-        self._start = self._truth.snapshot(None)
 
     def _place(self, name: str, pose: Se3Pose) -> None:
         model, numbers = self._physics.model, pose_qpos(pose)
@@ -122,6 +130,7 @@ class MujocoSimulator:
             model.body_pos[body.id], model.body_quat[body.id] = numbers[:3], numbers[3:]
 
     def _come_to_rest(self, instance: Instance) -> None:
+        touched = {name: body.contacts - self._supports for name, body in self._truth.snapshot(None).bodies.items()}
         self._physics.run(SETTLE_MIN)
         now = self._truth.snapshot(None)
         while now.time < SETTLE_MAX and not all(now.body(name).is_settled() for name in now.bodies):
@@ -131,10 +140,21 @@ class MujocoSimulator:
             moved = float(np.linalg.norm(now.bodies[name].pose.position.array - pose.position.array))
             if moved > SETTLE_TOLERANCE or not now.body(name).is_settled():
                 raise TaskInfeasibleError(
-                    f"{name!r} does not stay where the instance puts it: it moved {1000 * moved:.1f} mm "
-                    f"in {now.time:.1f} s.",
+                    f"Scene {self._scene_name!r}: {name!r} in region {self._belief.region(name)} does not stay where "
+                    f"the instance puts it: it moved {1000 * moved:.1f} mm in {now.time:.1f} s"
+                    + (self._in_the_way(name, touched[name]) if touched[name] else "."),
                     hint="Place it free of others, standing on its support.",
                 )
+
+    def _in_the_way(self, name: str, touched: frozenset[str]) -> str:
+        """What the object starts inside of, and in how many instances it would be free of everything."""
+        free = 0
+        for seed in range(EXAMINED):
+            with suppress(TaskInfeasibleError):
+                self._arrange(self._belief.sample(seed))
+                free += not self._truth.snapshot(None).bodies[name].contacts - self._supports
+        what = ", ".join(sorted(touched))
+        return f", for {what} is in its way. In {free} of {EXAMINED} draws nothing is."
 
     def observe(self, cameras: Sequence[str] | None = None) -> Observation:
         """RGB-D of the named cameras (default all) and the arms' states, all at this instant."""

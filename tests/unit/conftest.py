@@ -21,7 +21,7 @@ PLUGIN = '''
 import ctypes, json, os, signal, time
 from dataclasses import replace
 from pathlib import Path
-from gap_runtime.contracts.failures import GraspError, SimulationDivergedError
+from gap_runtime.contracts.failures import GraspError, SimulationDivergedError, TaskInfeasibleError
 from gap_runtime.contracts.tool import ToolContext, tool
 from gap_runtime.contracts.types import Vec3
 from gap_runtime.hookspecs import hookimpl
@@ -35,10 +35,16 @@ def meet(folder, count):
         Path(folder, str(os.getpid())).touch()
         while len(os.listdir(folder)) < count: time.sleep(0.01)
 
+def fault_of(seed):
+    return json.loads(os.environ.get("CELL_FAULTS", "{}")).get(str(seed), "")
+
 class Cell(FakeCell):
     def __init__(self, task, scene, robots):
         meet(os.environ.get("CELL_MEET"), 2)
         super().__init__(objects={name: Vec3(0.0, 0.1 * i, 0.05) for i, name in enumerate(task.scene_objects(scene))})
+    def sample(self, seed):
+        if fault_of(seed) == "crowded": raise TaskInfeasibleError("can in region here is in reach in 0 of 100 draws.")
+        return super().sample(seed)
 
 @tool("cell.Act", effect="actuate", resources=("arm:0",), deadline_s=30.0)
 def act(ctx: ToolContext, seconds: float = 0.2) -> float:
@@ -47,7 +53,7 @@ def act(ctx: ToolContext, seconds: float = 0.2) -> float:
     if "CELL_MEET" in os.environ:
         Path(os.environ["CELL_MEET"]).with_name("worked").joinpath(str(os.getpid())).touch()
         time.sleep(0.05)
-    fault = json.loads(os.environ.get("CELL_FAULTS", "{}")).get(str(ctx.seed), "")
+    fault = fault_of(ctx.seed)
     if fault == "segv": ctypes.string_at(0)
     if fault == "kill": os.kill(os.getpid(), signal.SIGKILL)
     if fault == "sleep":

@@ -160,7 +160,8 @@ def _plain(data: Mapping[str, object]) -> dict[str, object]:
 
 
 def _stamp(seconds: float) -> fg.Timestamp:
-    return fg.Timestamp(sec=int(seconds), nsec=_ns(seconds) % 1_000_000_000)
+    sec, nsec = divmod(_ns(seconds), 1_000_000_000)
+    return fg.Timestamp(sec=sec, nsec=nsec)
 
 
 def _ns(seconds: float) -> int:

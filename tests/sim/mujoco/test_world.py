@@ -145,8 +145,18 @@ def test_a_warning_goes_to_the_log_and_to_no_file(world, tmp_path, monkeypatch, 
 def test_an_instance_that_does_not_stand_is_refused(world):
     instance = world.sample(1)
     floating = Se3Pose(Vec3(0.0, 0.0, 0.3), instance.poses["milk"].rotation)
-    with pytest.raises(TaskInfeasibleError, match="'milk' does not stay"):
+    with pytest.raises(TaskInfeasibleError, match="'milk' in region slot_d does not stay"):
         world.reset(replace(instance, poses={**instance.poses, "milk": floating}))
+
+
+def test_what_is_in_the_way_of_an_object_is_named(world):
+    instance = world.sample(1)
+    inside = replace(instance.poses["milk"], position=instance.poses["tomato_sauce"].position)
+    with pytest.raises(TaskInfeasibleError, match=r"in region slot_. .* is in its way. In 100 of 100 draws"):
+        world.reset(replace(instance, poses={**instance.poses, "milk": inside}))
+    with pytest.raises(GapError, match="empty"):
+        world.snapshot()
+    world.reset(instance)
 
 
 def test_an_instance_of_another_scene_is_refused(world):

@@ -7,6 +7,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
+from gap_cli.rehearse.recording import mcap
 from gap_cli.rehearse.rehearsal import rehearse
 
 
@@ -66,6 +67,20 @@ def test_times_are_world_time_and_only_grow(recording):
         times = [t for t, *_ in entries]
         assert times == sorted(times)
     assert max(t for t, *_ in found["/node_events"]) / 1e9 == pytest.approx(row["motion_s"])
+
+
+def test_stamp_and_log_time_are_one_instant(recording):
+    _, found = recording
+    for topic in ("/camera/wrist/image", "/log", "/tf"):
+        for when, _, message in found[topic]:
+            stamp = message.transforms[0].timestamp if topic == "/tf" else message.timestamp
+            assert stamp.ToNanoseconds() == when
+
+
+@pytest.mark.parametrize("seconds", [0.0, 2.9999999999, 3.0, 3.0000000004, 0.1 + 0.2, 1e6 - 1e-11])
+def test_a_stamp_is_its_log_time_in_seconds_and_nanoseconds(seconds):
+    stamp = mcap._stamp(seconds)
+    assert stamp.sec * 1_000_000_000 + stamp.nsec == mcap._ns(seconds) == round(seconds * 1e9)
 
 
 def test_node_events_tell_the_story_of_the_row(recording):

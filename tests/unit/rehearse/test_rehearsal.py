@@ -11,7 +11,7 @@ import pytest
 from gap_cli.rehearse.rehearsal import rehearse
 from gap_cli.workspace.canonical import plain, write_json
 from gap_cli.workspace.metadata import read_meta
-from gap_runtime.errors import RunError, UnknownNameError
+from gap_runtime.errors import GapError, RunError, UnknownNameError
 
 SEEN_BY_GIT = ("episodes.jsonl", "summary.json", "feedback.md")
 
@@ -66,6 +66,35 @@ def test_a_diverged_episode_is_void_and_leaves_a_fresh_world(make_run, faults):
     rows = rehearse(struck, 4, workers=1, record="none").rows
     assert rows[1]["void"] and rows[1]["status"] == "diverged" and "qacc" in rows[1]["reason"]
     assert [r for r in rows if r["seed"] != 4] == [r for r in expected if r["seed"] != 4]
+
+
+@pytest.mark.parametrize("record", ["failed", "all"])
+@pytest.mark.parametrize("seed", [3, 4])
+def test_an_instance_that_cannot_be_placed_has_a_reason_and_no_evidence(make_run, faults, seed, record):
+    run = make_run()
+    faults(**{f"seed{seed}": "crowded"})
+    summary = rehearse(run, 2, workers=1, record=record)
+    row = next(row for row in summary.rows if row["seed"] == seed)
+    assert row["void"] and row["status"] == "infeasible" and row["reason"].endswith("in 0 of 100 draws.")
+    files = {p.name for p in run.folder("rehearse/00").rglob("*") if p.suffix in (".png", ".mcap")}
+    assert files and not {name for name in files if f"{seed}" in name}
+
+
+def test_a_rehearsal_without_any_instance_is_an_error(make_run, faults):
+    faults(seed3="crowded", seed4="crowded")
+    with pytest.raises(GapError, match="can in region here is in reach in 0 of 100 draws"):
+        rehearse(make_run(), 2, record="none")
+
+
+def test_an_episode_that_runs_out_of_time_says_so(make_run, plugin_folder):
+    file = plugin_folder / "little_cell/tasks/little/task.yaml"
+    good = file.read_text()
+    try:
+        file.write_text(good + "max_time: 0.001\n")
+        row = rehearse(make_run(), 1, record="none").rows[0]
+    finally:
+        file.write_text(good)
+    assert (row["stage"], row["cause"], row["reason"]) == ("main", "stopped", "The task's time is up.")
 
 
 def test_a_failing_node_is_blamed_with_its_code(make_run, faults):

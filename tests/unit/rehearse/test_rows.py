@@ -56,6 +56,10 @@ def result(status="success", end="done", error="", node=""):
             id="a job done and given up",
         ),
         pytest.param(
+            watch(visit("look"), visit("place", "failed", ok=False)), result("error", error="time is up"), GOOD,
+            "place", "stopped", id="what stopped the run, not the exit it forced",
+        ),
+        pytest.param(
             watch(visit("look")), result("error", error="time is up", node="place/move"), GOOD, "place", "error",
             id="a run that could not go on",
         ),
