@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -74,6 +75,34 @@ def show(
     out.print("say for example:", markup=False)
     for instruction in task.instructions:
         out.print(f"  gap plan --task {task.name} --say {quote(instruction)}", markup=False, soft_wrap=True)
+
+
+@app.command()
+def check(
+    paths: Annotated[list[Path], typer.Argument(metavar="PATH...", help="Task folders, folders of them, task.yaml.")],
+    json: AsJson = False,
+) -> None:
+    """Check tasks in all their variants. Exit code 1 for problems."""
+    from gap_cli.workspace.tasks import task_folders, task_problems
+    from gap_runtime.errors import DocumentError
+    from gap_runtime.plugins import load_registry
+
+    registry = load_registry()
+    found: dict[str, list[str]] = {}
+    for path in paths:
+        folders = task_folders(path)
+        if not folders:
+            raise DocumentError(str(path), "holds no task.yaml, and no folders that do")
+        found |= {str(folder): task_problems(registry, folder) for folder in folders}
+    rows = [(folder, problem) for folder, problems in found.items() for problem in problems]
+    if json:
+        print_json([{"task": folder, "problem": problem} for folder, problem in rows])
+    else:
+        for folder, problem in rows:
+            console().print(f"{folder}: {problem}", markup=False, soft_wrap=True)
+        console().print(f"{len(found)} checked, {len(rows)} problem{'' if len(rows) == 1 else 's'}", markup=False)
+    if rows:
+        raise typer.Exit(1)
 
 
 def _as_dict(task: Task) -> dict[str, Any]:

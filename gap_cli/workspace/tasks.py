@@ -16,7 +16,7 @@ def find_tasks(registry: Registry) -> dict[str, Path]:
     """Folder of each installed task by its folder's name. Raises `PluginError` when two plugins bring one name."""
     found: dict[str, tuple[Path, str]] = {}
     for path, plugin in registry.task_paths:
-        for folder in [path] if (path / "task.yaml").is_file() else sorted(p.parent for p in path.glob("*/task.yaml")):
+        for folder in task_folders(path):
             name = folder.resolve().name
             if name in found and found[name][0].resolve() != folder.resolve():
                 raise PluginError(
@@ -25,6 +25,13 @@ def find_tasks(registry: Registry) -> dict[str, Path]:
                 )
             found[name] = (folder, plugin)
     return {name: found[name][0] for name in sorted(found)}
+
+
+def task_folders(path: Path) -> list[Path]:
+    """The folders of tasks at a path: of a task.yaml, a folder that holds one, or a folder of such folders."""
+    if path.is_file() or (path / "task.yaml").is_file():
+        return [path if path.is_dir() else path.parent]
+    return sorted(file.parent for file in path.glob("*/task.yaml"))
 
 
 def open_task(registry: Registry, name: str, variant: str | None = None) -> Task:
@@ -60,7 +67,7 @@ def task_problems(registry: Registry, folder: Path) -> list[str]:
                     found.setdefault(problem, []).append(variant)
     except DocumentError as error:
         return [str(error)]
-    return [p if len(bad) == len(variants) else f"variant {bad[0]}: {p}" for p, bad in found.items()]
+    return [p if len(bad) == len(variants) else f"variant {', '.join(bad)}: {p}" for p, bad in found.items()]
 
 
 def _installed(registry: Registry, folder: Path) -> Installed:

@@ -240,3 +240,21 @@ def test_a_worker_killed_while_recording_leaves_no_part_of_a_recording(gap, make
     done = gap("rehearse", "-n", 2, "--record", "all")
     assert done.code == 0 and "crashed" in done.out
     assert [p.name for p in run.folder("rehearse/00").glob("*.mcap*")] == ["seed-000003.mcap"]
+
+
+def test_every_problem_of_a_task_is_told_by_check_and_by_plan(gap, little_cell, plugin_folder):
+    file = plugin_folder / "little_cell/tasks/little/task.yaml"
+    good = file.read_text()
+    bad = good.replace("mass: 0.1", "mass: 0").replace('w.body("{target}").x', 'w.body("{target}").xx')
+    words = ["objects.can.mass: 0 should be greater", "success.right: ", "no 'xx'", "2 problems"]
+    try:
+        file.write_text(bad)
+        checked = gap("tasks", "check", file)
+        planned = gap("plan", "--task", "little", "--say", "Do it")
+        told = json.loads(gap("tasks", "check", file.parent, "--json").out)
+    finally:
+        file.write_text(good)
+    assert checked.code == planned.code == 1 and len(told) == 2
+    for text in (checked.out, planned.err):
+        assert all(word in text for word in words), text
+    assert gap("tasks", "check", file).out == "1 checked, 0 problems\n"
