@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from gap_cli.importer.graphs import translate_workflow
 from gap_cli.importer.names import Record, Row
