@@ -35,9 +35,9 @@ def feedback_text(summary: Mapping[str, Any], rows: Sequence[Row], rationales: M
 
 
 def _opening(summary: Mapping[str, Any]) -> str:
-    fine = [s["node"] for s in summary["subgraphs"] if s["validation"]["passed"] == summary["episodes"]]
+    fine = [s["node"] for s in summary["subgraphs"] if s["validation"]["passed"] == s["validation"]["of"]]
     bad = [f"`{s['node']}` ({s['validation']['passed']}/{s['validation']['of']})" for s in summary["subgraphs"]
-           if s["validation"]["passed"] < summary["episodes"]]  # fmt: skip
+           if s["validation"]["passed"] < s["validation"]["of"]]  # fmt: skip
     if not bad:
         return "Every subgraph keeps its promises in every sampled instance."
     start = f"{_listing(f'`{n}`' for n in fine)} hold in every sampled instance, while" if fine else "In this rehearsal"

@@ -54,7 +54,8 @@ def disagreements(rows: Sequence[Row]) -> dict[str, list[int]]:
 
 
 def subgraph_summary(about: Mapping[str, Any], rows: Sequence[Row]) -> dict[str, Any]:
-    """How often one subgraph was reached, how it ended, and how often it kept its promises, over all episodes."""
+    """How often one subgraph was reached, how it ended, and how often it kept its promises: over all episodes, or where
+    an episode can succeed without it, over those that reached it."""
     visits = [last_visit(r, about["node"]) for r in rows]
     reached = [v for v in visits if v is not None]
     checkpoints: dict[str, list[int]] = {}
@@ -64,10 +65,11 @@ def subgraph_summary(about: Mapping[str, Any], rows: Sequence[Row]) -> dict[str,
             tally[0] += bool(point["passed"])
             tally[1] += 1
     passed = sum(bool(v["passed"]) for v in reached)
+    spared = any(v is None and r["success"] for v, r in zip(visits, rows, strict=True))
     return {
         **about,
         "reached": len(reached),
-        "validation": rate_dict(wilson(passed, len(rows))),
+        "validation": rate_dict(wilson(passed, len(reached) if spared else len(rows))),
         "exits": dict(sorted(Counter(v["exit"] for v in reached).items())),
         "checkpoints": {name: {"passed": n, "of": total} for name, (n, total) in checkpoints.items()},
     }

@@ -43,6 +43,12 @@ def test_a_subgraph_never_reached_has_not_passed(summary):
     assert grasp["checkpoints"]["held"] == {"passed": 2, "of": 4}
 
 
+def test_a_subgraph_that_success_does_not_need_is_judged_where_it_was_reached():
+    rows = [row(0, passed=(True,)), row(1), row(2, **FAILED)]
+    _, again = summarize(rows, GRAPH, seed=0, asked=3)["subgraphs"]
+    assert (again["validation"]["passed"], again["validation"]["of"]) == (1, 2)
+
+
 def test_failures_are_grouped_the_most_frequent_first(summary):
     assert [(f["stage"], f["cause"], f["count"], f["seeds"]) for f in summary["failures"]] == [
         ("grasp", "held", 2, [1, 4]),
