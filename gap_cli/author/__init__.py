@@ -79,6 +79,16 @@ def plan(
     return Plan.load(given, f"the plan of author {author}")
 
 
+def serves(task: Task, instruction: str) -> bool:
+    """Whether the symbolic author understands the instruction in a scene of the task."""
+    from gap_cli.author.understand import understand
+
+    try:
+        return bool(understand(task, read_instruction(instruction)))
+    except InstructionError:
+        return False
+
+
 def read_instruction(text: str) -> str:
     """The instruction on one line. Raises `InstructionError` where it is too long or holds what nobody can see."""
     if len(text) > MAX_INSTRUCTION:

@@ -1,30 +1,23 @@
-"""Goals over a task's objects: what may be put where, and why not."""
+"""What may be put where in a task, and why not."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import hypot, pi, prod
 
-from gap_runtime.contracts.failures import did_you_mean
 from gap_runtime.contracts.task import Shape, Task
-from gap_runtime.errors import InstructionError
+from gap_runtime.contracts.task.goals import Goals
+from gap_runtime.errors import InstructionError, did_you_mean
 
 
-@dataclass(frozen=True)
-class Goal:
-    """`target` shall end up in `container`; both are object ids."""
-
-    target: str
-    container: str
-
-    @property
-    def fact(self) -> str:
-        """The goal as skill contracts write it."""
-        return f"in({self.target}, {self.container})"
-
-
-def refuse(task: Task, problem: str, *, word: str = "", known: Sequence[str] = ()) -> InstructionError:
+def refuse(
+    task: Task,
+    problem: str,
+    *,
+    word: str = "",
+    known: Sequence[str] = (),
+    kind: type[InstructionError] = InstructionError,
+) -> InstructionError:
     """The error for an instruction that cannot be served: the problem, and what the task offers instead."""
     near = did_you_mean(word, known) if word else ""
     hint = [near] if near.startswith("Did you mean") else []
@@ -32,37 +25,44 @@ def refuse(task: Task, problem: str, *, word: str = "", known: Sequence[str] = (
     hint.append(f"Objects: {', '.join(m.label for m in task.objects.values() if not m.is_container) or 'none'}.")
     hint.append(f"Containers: {', '.join(containers) or 'none'}.")
     hint.append(f'Say for example "{task.instructions[0]}".')
-    return InstructionError(problem, hint=" ".join(hint))
+    return kind(problem, hint=" ".join(hint))
 
 
-def check_goals(task: Task, goals: Sequence[Goal]) -> None:
+def check_goals(task: Task, goals: Goals) -> None:
     """Raise `InstructionError` where a goal makes no sense for the task's objects, or two contradict each other."""
     placed: dict[str, str] = {}
-    for goal in goals:
-        _check_pair(task, goal)
-        target = task.objects[goal.target].label
-        if goal.target in placed:
-            again = "twice" if placed[goal.target] == goal.container else "in two places"
-            raise refuse(task, f"The {target} cannot be placed {again}.")
-        placed[goal.target] = goal.container
-    for goal in goals:
-        if goal.container in placed:
-            label = task.objects[goal.container].label
-            raise refuse(task, f"The {label} cannot be filled and moved in one instruction.")
+    for goal in goals.predicates():
+        target, *rest = goal.roles.values()
+        if not rest:
+            continue
+        label = task.objects[target].label
+        if goal.predicate == "in":
+            _check_pair(task, target, rest[0])
+        elif target == rest[0]:
+            raise refuse(task, f"The {label} cannot be put beside or onto itself.")
+        if target in placed:
+            again = "twice" if placed[target] == rest[0] else "in two places"
+            raise refuse(task, f"The {label} cannot be placed {again}.")
+        placed[target] = rest[0]
     for container in dict.fromkeys(placed.values()):
-        _check_room(task, container, [t for t, c in placed.items() if c == container])
+        if container in placed:
+            raise refuse(task, f"The {task.objects[container].label} cannot be filled and moved in one instruction.")
+        if container in task.objects:
+            _check_room(task, container, [t for t, c in placed.items() if c == container])
 
 
-def _check_pair(task: Task, goal: Goal) -> None:
-    target, container = task.objects[goal.target], task.objects[goal.container]
-    if goal.target == goal.container:
+def _check_pair(task: Task, inside: str, outside: str) -> None:
+    if outside not in task.objects:
+        raise refuse(task, f"Nothing can be put into the {outside.replace('_', ' ')}.")
+    target, container = task.objects[inside], task.objects[outside]
+    if inside == outside:
         raise refuse(task, f"The {target.label} cannot be put into itself.")
     if not container.is_container and container.shape.wall is not None:
-        hint = f"List ids or categories in {task.name}'s task.yaml, below {goal.container}: accepts."
+        hint = f"List ids or categories in {task.name}'s task.yaml, below {outside}: accepts."
         raise InstructionError(f"The {container.label} is hollow, but the task does not say what it takes.", hint=hint)
     if not container.is_container:
         raise refuse(task, f"Nothing can be put into the {container.label}.")
-    if not {goal.target, target.category, "*"} & set(container.accepts):
+    if not {inside, target.category, "*"} & set(container.accepts):
         raise refuse(task, f"The {container.label} takes {', '.join(container.accepts)}, not the {target.label}.")
     if not _passes(target.shape, container.shape):
         raise refuse(task, f"The {target.label} is too large for the {container.label}.")

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count
 
-from gap_cli.author.steps import Port, Repertoire, Step, Value
+from gap_cli.author.operators import OperatorLibrary, Step, Value
 from gap_cli.skills.facts import Fact
 from gap_runtime.contracts.types.typeref import TypeRef
 from gap_runtime.errors import InstructionError
@@ -29,7 +29,7 @@ class State:
         facts, values = self.facts, dict(self.values)
         for step in steps:
             facts = (facts - step.deletes) | step.adds
-            values |= {port.value: (port.type, step.adds) for port in step.gives}
+            values |= {port.value: (port.type, step.adds) for port in step.outputs}
         return State(facts, {v: (t, tied) for v, (t, tied) in values.items() if tied <= facts})
 
 
@@ -38,7 +38,7 @@ class _Node:
     """A backward search state: what must still be made true or known, and the steps that follow from there."""
 
     facts: frozenset[Fact]
-    wants: frozenset[tuple[Value, TypeRef]]
+    values: frozenset[tuple[Value, TypeRef]]
     steps: tuple[Step, ...]
     cost: float
 
@@ -49,7 +49,7 @@ class _Node:
 
 
 def regress(
-    goal: Fact, state: State, repertoire: Repertoire, objects: Sequence[str], keep: frozenset[Fact] = frozenset()
+    goal: Fact, state: State, operators: OperatorLibrary, objects: Sequence[str], keep: frozenset[Fact] = frozenset()
 ) -> list[Step]:
     """The cheapest steps that bring the goal about from `state` without ending any fact in `keep`.
 
@@ -62,16 +62,16 @@ def regress(
     nearest = start
     while queue and len(seen) < MAX_EXPANDED:
         _, _, node = heapq.heappop(queue)
-        node = replace(node, wants=frozenset(w for w in node.wants if not _known(w, state)))
-        if node.facts <= state.facts and not node.wants:
+        node = replace(node, values=frozenset(w for w in node.values if not _known(w, state)))
+        if node.facts <= state.facts and not node.values:
             return list(node.steps)
-        if (node.facts, node.wants) in seen:
+        if (node.facts, node.values) in seen:
             continue
-        seen.add((node.facts, node.wants))
+        seen.add((node.facts, node.values))
         nearest = min(nearest, node, key=lambda n: (_open(n, state), n.key))
-        for earlier in _predecessors(node, state, repertoire, objects, keep):
+        for earlier in _predecessors(node, state, operators, objects, keep):
             heapq.heappush(queue, (earlier.key, next(order), earlier))
-    raise _no_plan(goal, nearest, state, repertoire)
+    raise _no_plan(goal, nearest, state, operators)
 
 
 def _known(want: tuple[Value, TypeRef], state: State) -> bool:
@@ -80,21 +80,21 @@ def _known(want: tuple[Value, TypeRef], state: State) -> bool:
 
 
 def _open(node: _Node, state: State) -> int:
-    return len(node.facts - state.facts) + len(node.wants) if node.steps else 10**6
+    return len(node.facts - state.facts) + len(node.values) if node.steps else 10**6
 
 
 def _predecessors(
-    node: _Node, state: State, repertoire: Repertoire, objects: Sequence[str], keep: frozenset[Fact]
+    node: _Node, state: State, operators: OperatorLibrary, objects: Sequence[str], keep: frozenset[Fact]
 ) -> Iterator[_Node]:
     """The node regressed over every step that supplies something it lacks and destroys nothing it needs."""
     if len(node.steps) >= MAX_STEPS:
         return
     seen: set[tuple[str, tuple[tuple[str, str], ...]]] = set()
-    for step in _relevant(node, state, repertoire, objects):
+    for step in _relevant(node, state, operators, objects):
         if (step.skill, step.binding) in seen or step.deletes & (node.facts | keep):
             continue
         seen.add((step.skill, step.binding))
-        rest = frozenset(w for w in node.wants if not _gives(step, w))
+        rest = frozenset(w for w in node.values if not _gives(step, w))
         yield _Node(
             (node.facts - step.adds) | step.needs,
             rest | {(port.value, port.type) for port in step.required},
@@ -103,34 +103,25 @@ def _predecessors(
         )
 
 
-def _relevant(node: _Node, state: State, repertoire: Repertoire, objects: Sequence[str]) -> Iterator[Step]:
+def _relevant(node: _Node, state: State, operators: OperatorLibrary, objects: Sequence[str]) -> Iterator[Step]:
     # A fact that holds now may have been ended by a step in between, so facts that hold are regressed too.
     for fact in sorted(node.facts):
-        yield from repertoire.achieving(fact, objects)
-    for value, type_ in sorted(node.wants, key=lambda w: (w[0], str(w[1]))):
-        yield from repertoire.producing(value, type_, objects)
+        yield from operators.achieving(fact, objects)
+    for value, type_ in sorted(node.values, key=lambda w: (w[0], str(w[1]))):
+        yield from operators.producing(value, type_, objects)
 
 
 def _gives(step: Step, want: tuple[Value, TypeRef]) -> bool:
-    return any(port.value == want[0] and want[1].accepts(port.type) for port in step.gives)
+    return any(port.value == want[0] and want[1].accepts(port.type) for port in step.outputs)
 
 
-def _no_plan(goal: Fact, nearest: _Node, state: State, repertoire: Repertoire) -> InstructionError:
+def _no_plan(goal: Fact, nearest: _Node, state: State, operators: OperatorLibrary) -> InstructionError:
     """Name what is missing where the search came closest, and the skills that were out of reach."""
     missing = [str(f) for f in sorted(nearest.facts - state.facts)]
-    missing += [f"{value.name} of {value.of} ({type_})" for value, type_ in sorted(nearest.wants, key=str)]
-    out = "; ".join(f"{name}: {why}" for name, why in sorted(repertoire.left_out.items()))
-    usable = ", ".join(entry.name for entry in repertoire.entries) or "none"
+    missing += [f"{value.name} of {value.of} ({type_})" for value, type_ in sorted(nearest.values, key=str)]
+    out = "; ".join(f"{name}: {why}" for name, why in sorted(operators.left_out.items()))
+    usable = ", ".join(operators.operators) or "none"
     return InstructionError(
         f"No skill brings about {', '.join(missing)}, which {goal} takes.",
         hint=f"Usable skills: {usable}." + (f" Left out: {out}." if out else ""),
     )
-
-
-def supplier(port: Port, before: Sequence[Step]) -> tuple[int, Port] | None:
-    """The latest step before that gives what `port` wants, by its index, and the output that does."""
-    for index in range(len(before) - 1, -1, -1):
-        for given in before[index].gives:
-            if given.value == port.value and port.type.accepts(given.type):
-                return index, given
-    return None

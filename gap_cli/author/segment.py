@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from gap_cli.analysis.catalog import substitute
@@ -12,6 +14,7 @@ from gap_cli.skills import SkillBundle
 from gap_runtime.contracts.documents import read_text
 from gap_runtime.contracts.skill import SkillContract
 from gap_runtime.errors import DocumentError, GapError, UnknownNameError
+from gap_runtime.graph.checkpoints import parse_checkpoints, render_checkpoints
 
 
 def render_subgraph(segment: Segment, bundle: SkillBundle) -> str:
@@ -25,18 +28,32 @@ def render_checkpoint_file(segment: Segment, bundle: SkillBundle, labels: Mappin
     """The checkpoints sidecar of the segment; None for a skill without a checkpoint template.
 
     A checkpoint template may use segment, skill, object(role), an id to be written inside a predicate, and label(role).
+    In a loop a promise is kept when it holds of one of the objects.
     """
     if bundle.checkpoints is None:
         return None
+    if not segment.each:
+        return _checkpoints(segment, bundle.checkpoints, labels)
+    alternatives = []
+    for thing in segment.each:
+        roles = {role: name if name in labels else thing for role, name in segment.roles.items()}
+        text = _checkpoints(segment.model_copy(update={"roles": roles}), bundle.checkpoints, labels)
+        alternatives.append([p for p in parse_checkpoints(text, segment.name) if p.validate])
+    joined = []
+    for points in zip(*alternatives, strict=True):
+        predicate = " or ".join(dict.fromkeys(f"({p.predicate})" for p in points))
+        joined.append(replace(points[0], predicate=predicate, diagnostics={}))
+    return render_checkpoints(joined)
 
+
+def _checkpoints(segment: Segment, template: Path, labels: Mapping[str, str]) -> str:
     def object_of(role: str) -> str:
         return _lookup("role", role, segment.roles)
 
-    def label_of(role: str) -> str:
-        return _lookup("object", object_of(role), labels)
-
-    return render_file(bundle.checkpoints, segment=segment.name, skill=bundle.name,
-                       object=lambda role: identifier(object_of(role)), label=label_of)  # fmt: skip
+    return render_file(
+        template, segment=segment.name, skill=segment.skill, object=lambda role: identifier(object_of(role)),
+        label=lambda role: _lookup("object", object_of(role), labels),
+    )  # fmt: skip
 
 
 def template_context(segment: Segment, bundle: SkillBundle) -> dict[str, Any]:

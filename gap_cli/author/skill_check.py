@@ -8,8 +8,8 @@ from typing import Any
 
 from gap_cli.analysis.catalog import SLOT, contract_names
 from gap_cli.author.build import Generated, draft
+from gap_cli.author.operators import literal_source
 from gap_cli.author.plans import Plan, PlanData, Segment
-from gap_cli.author.steps import literal_source
 from gap_cli.sandbox.script_check import check_scripts
 from gap_cli.skills import SkillBundle, SkillLibrary
 from gap_cli.skills.bundle import read_bundle
@@ -24,7 +24,7 @@ from gap_runtime.run.execute import RunResult, RunSetup, run_graph
 
 CODE = "SKILL"
 _ALONE = {"S13"}  # nothing precedes a skill that is tried alone, so nothing produces its inputs
-_LITERALS: dict[str, Any] = {"string": "thing", "float": 1.0, "int": 1, "bool": True}
+_LITERALS: dict[str, Any] = {"string": "thing", "string[]": ["thing"], "float": 1.0, "int": 1, "bool": True}
 
 
 def check_folder(path: Path, tools: Mapping[str, ToolSpec]) -> list[Finding]:
@@ -86,7 +86,7 @@ def sample_plan(bundle: SkillBundle) -> tuple[Plan, dict[str, str]]:
         on_error=contract.exits.failure,
     )
     content = PlanData(
-        task="sample", instruction=f"Try {bundle.name}", author="proof", scene="none", goals=[], segments=[segment]
+        task="sample", instruction=f"Try {bundle.name}", author="proof", scene="none", segments=[segment]
     )
     return Plan.of(content), labels
 

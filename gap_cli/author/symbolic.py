@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from gap_cli.analysis.catalog import contract_names
-from gap_cli.author.goals import Goal, refuse
-from gap_cli.author.grammar import parse_instruction
-from gap_cli.author.naming import Named, name_steps
-from gap_cli.author.plans import ABORT, DONE, Plan, PlanData, PlannedGoal, Segment
-from gap_cli.author.solve import solve
-from gap_cli.author.steps import Repertoire, Step, literal_source
+from gap_cli.author.naming import Named, name_uses
+from gap_cli.author.noun_phrases import describe
+from gap_cli.author.operators import OperatorLibrary, literal_source
+from gap_cli.author.plans import Plan, PlanData, Segment
+from gap_cli.author.scene import Scene
+from gap_cli.author.things import Things
+from gap_cli.author.topology import Topology, Use
+from gap_cli.author.understand import understand
 from gap_cli.skills import SkillLibrary
+from gap_cli.skills.facts import Fact
 from gap_runtime.contracts.task import Task
+from gap_runtime.contracts.task.goals import ForEach, Goals
 from gap_runtime.contracts.tool import ToolSpec
+from gap_runtime.errors import InstructionError
 
 RECOVERY = ("gripper.Open", "robot_control.GoHome")  # let go, then get out of the way
 _SAY = {"perceive": "Locate", "grasp": "Grasp", "transport": "Carry", "place": "Place", "operate": "Operate"}
@@ -22,99 +27,93 @@ _SAY = {"perceive": "Locate", "grasp": "Grasp", "transport": "Carry", "place": "
 
 def plan_symbolically(task: Task, instruction: str, library: SkillLibrary, tools: Mapping[str, ToolSpec]) -> Plan:
     """Plan the instruction. Raises `InstructionError` where the words, the scene or the skills do not suffice."""
-    goals = parse_instruction(task, instruction)
-    scene = choose_scene(task, goals)
-    solved = solve(goals, Repertoire.of(library, tools))
-    steps = [step for layers in solved for layer in layers for step in layer]
-    counts = [(goals, nth) for nth, layers in enumerate(solved) for layer in layers for _ in layer]
-    layer_of = [n for n, layer in enumerate(layer for layers in solved for layer in layers) for _ in layer]
-    named = name_steps(steps, library.contracts)
-    segments = [
-        _segment(task, library, step, names, layer, _literals(task, library, step, *count))
-        for step, names, layer, count in zip(steps, named, layer_of, counts, strict=True)
-    ]
+    goals = understand(task, instruction)
+    uses = Topology(OperatorLibrary.of(library, tools), known_facts(task)).build(goals)
+    named = name_uses(uses, library.contracts)
+    writer = _Writer(task, goals, library, [name.segment for name in named])
     content = PlanData(
         task=task.name,
         variant=task.variant,
         instruction=instruction,
         author="symbolic",
-        scene=scene,
-        goals=[PlannedGoal(fact=g.fact, target=g.target, container=g.container) for g in goals],
-        segments=segments,
+        scene=goals.scene,
+        goals=goals,
+        segments=[writer.segment(use, names) for use, names in zip(uses, named, strict=True)],
         recovery=[name for name in RECOVERY if name in tools],
     )
     return Plan.of(content)
 
 
-def choose_scene(task: Task, goals: Sequence[Goal]) -> str:
-    """The scene that holds every object named, by preference the one about the first target.
-
-    Raises `InstructionError` when no scene holds them all.
-    """
-    named = list(dict.fromkeys([g.target for g in goals] + [g.container for g in goals]))
-    fitting = [scene for scene, members in task.scenes.items() if all(name in members for name in named)]
-    for name in named:
-        if name in fitting:
-            return name
-    if fitting:
-        return fitting[0]
-    absent = [name for name in named if not any(name in members for members in task.scenes.values())]
-    labels = [task.objects[name].label for name in absent or named]
-    where = "in any scene" if absent else "together in any scene"
-    raise refuse(task, f"{_listed(labels)} {'is' if len(labels) == 1 else 'are'} not {where} of task {task.name!r}.")
+def known_facts(task: Task) -> frozenset[Fact]:
+    """What is true of the task's objects whatever is done: `solid` ones have no cavity, wall or handle."""
+    return frozenset(Fact("solid", (name,)) for name, m in task.objects.items() if m.shape.kind in ("box", "cylinder"))
 
 
-def _literals(task: Task, library: SkillLibrary, step: Step, goals: Sequence[Goal], nth: int) -> dict[str, Any]:
-    """The literals of a step that serves goal number `nth`."""
-    contract = library.contracts[step.skill]
-    found: dict[str, Any] = {}
-    for literal in contract.literals:
-        role, what = literal_source(contract, literal) or ("", "")
-        name = step.roles[role]
-        shared = [i for i, g in enumerate(goals) if name in (g.target, g.container)]
-        found[literal] = {
-            "name": task.objects[name].label,
-            "nth": sum(i < nth for i in shared),
-            "total": len(shared),
-        }[what]
-    return found
+class _Writer:
+    """Writes uses as the segments of a plan."""
 
+    def __init__(self, task: Task, goals: Goals, library: SkillLibrary, names: list[str]) -> None:
+        self.task, self.goals, self.library, self.names = task, goals, library, names
+        self.vocabulary, self.scene = Things(task), Scene(task, goals.scene)
 
-def _segment(
-    task: Task, library: SkillLibrary, step: Step, named: Named, layer: int, literals: dict[str, Any]
-) -> Segment:
-    contract = library.contracts[step.skill]
-    inputs, outputs = contract_names(contract, named.names)
-    return Segment(
-        name=_clear_of_ends(named.segment),
-        skill=step.skill,
-        description=_describe(task, contract.stage, step),
-        stage=contract.stage,
-        layer=layer,
-        roles=step.roles,
-        names=named.names,
-        literals=literals,
-        inputs={name: str(inputs[name]) for name in named.inputs.values()},
-        outputs={name: str(type_) for name, type_ in outputs.items()},
-        exits=list(contract.exits.success),
-        on_error=contract.exits.failure,
-    )
+    def segment(self, use: Use, named: Named) -> Segment:
+        """One segment."""
+        contract = self.library.contracts[use.step.skill]
+        inputs, outputs = contract_names(contract, named.names)
+        exits = [*contract.exits.success, contract.exits.failure]
+        return Segment(
+            name=named.segment,
+            skill=use.step.skill,
+            description=self.describe(use, contract.stage),
+            stage=contract.stage,
+            layer=use.layer,
+            roles=use.step.roles,
+            names=named.names,
+            literals={
+                name: self.literal(use, *(literal_source(contract, name) or ("", ""))) for name in contract.literals
+            },
+            inputs={name: str(inputs[name]) for name in inputs if name in named.inputs.values()},
+            outputs={name: str(type_) for name, type_ in outputs.items()},
+            exits=list(contract.exits.success),
+            on_error=contract.exits.failure,
+            after={exit_: [t if isinstance(t, str) else self.names[t] for t in use.after[exit_]] for exit_ in exits},
+            each=list(use.each),
+            max_visits=use.max_visits,
+            why=use.why,
+        )
 
+    def literal(self, use: Use, role: str, what: str) -> Any:
+        """What fills a literal: names by which the cameras find an object, or its number among the goals that share
+        it."""
+        name = use.step.roles[role]
+        if what == "names":
+            return list(dict.fromkeys(self.task.objects[thing].label for thing in use.each))
+        if what == "name":
+            return self.phrase(name)
+        parts = [part.chosen() if isinstance(part, ForEach) else [part] for part in self.goals.parts()]
+        shared = [(i, p) for i, part in enumerate(parts) for p in part if name in p.roles.values()]
+        target = use.step.binding[0][1]
+        mine = [n for n, (i, p) in enumerate(shared) if i == use.part and target in p.roles.values()]
+        return len(shared) if what == "total" else mine[0] if mine else -1  # in a loop it is not known
 
-def _clear_of_ends(name: str) -> str:
-    return f"{name}_segment" if name in (DONE, ABORT) else name
+    def phrase(self, name: str) -> str:
+        """What an object is called, so that it cannot be taken for another one of the scene."""
+        text = describe(self.vocabulary, self.scene, self.vocabulary.all[name])
+        if text is None:
+            alike = [t.id for t in self.vocabulary.all.values() if t.label == self.vocabulary.all[name].label]
+            raise InstructionError(
+                f"The cameras cannot tell {name} from {' and '.join(a for a in alike if a != name)}: they look alike, "
+                "and where they stand differs from instance to instance.",
+                hint="Ask for all of them, or give them labels or colours of their own in the task.",
+            )
+        return text
 
-
-def _describe(task: Task, stage: str | None, step: Step) -> str:
-    """'Place the milk (container: basket)'."""
-    labels = {role: task.objects[name].label for role, name in step.binding}
-    if not labels:
-        return step.skill
-    first, *rest = labels.items()
-    more = f" ({', '.join(f'{role}: {label}' for role, label in rest)})" if rest else ""
-    return f"{_SAY.get(stage or '', step.skill)} the {first[1]}{more}"
-
-
-def _listed(labels: Sequence[str]) -> str:
-    text = " and ".join(f"the {label}" for label in labels)
-    return text[0].upper() + text[1:]
+    def describe(self, use: Use, stage: str | None) -> str:
+        """'Place the milk (container: basket)'."""
+        things = self.vocabulary.all
+        labels = {role: things[name].label if name in things else name for role, name in use.step.binding}
+        if not labels:
+            return use.step.skill
+        first, *rest = labels.items()
+        more = f" ({', '.join(f'{role}: {label}' for role, label in rest)})" if rest else ""
+        return f"{_SAY.get(stage or '', use.step.skill)} the {first[1]}{more}"

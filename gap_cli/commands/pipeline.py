@@ -17,12 +17,28 @@ from gap_cli.workspace.validation import LOCK, validation_data
 from gap_runtime.bundle.bundle import GOALS, WORKFLOW, GraphBundle
 from gap_runtime.bundle.digest import BundleDigest
 from gap_runtime.contracts.documents import read_json, read_text
-from gap_runtime.errors import Finding, WorkflowError
+from gap_runtime.errors import Finding, InstructionError, WorkflowError
 
 
 def write_lock(run: Run, inventory: Inventory) -> None:
     """Record what the run depends on. Raises `StorageError`."""
     write_json(run.path / LOCK, inventory.lock(level()))
+
+
+def serving_task(instruction: str) -> str:
+    """The only installed task, or the only one with a scene that serves the instruction. Raises `InstructionError`."""
+    from gap_cli.author import serves
+    from gap_cli.workspace.tasks import find_tasks, open_task
+    from gap_runtime.plugins import load_registry
+
+    registry = load_registry()
+    names = list(find_tasks(registry))
+    fitting = names if len(names) == 1 else [name for name in names if serves(open_task(registry, name), instruction)]
+    if len(fitting) != 1:
+        problem = "Several tasks serve this instruction" if fitting else "No task serves this instruction"
+        known = ", ".join(fitting or names) or "none"
+        raise InstructionError(f"{problem}.", hint=f"Say which with --task, and hear what is wrong with it: {known}.")
+    return fitting[0]
 
 
 def plan_run(root: Path, config: RunConfig) -> Run:
@@ -43,6 +59,7 @@ def plan_run(root: Path, config: RunConfig) -> Run:
     run = Run.create(root, config)
     with run.held():
         files = {"spec.py": made.source, "plan.md": made.markdown, "plan.json": json_text(made.data)}
+        files |= {GOALS: json_text(made.goals.data)} if made.goals else {}
         write_stage(run, "plan", files)
         write_lock(run, inventory)
         record_stage(run, "plan", started)
@@ -70,8 +87,7 @@ def generate_run(run: Run, *, unsafe: bool = False, overwrite: bool = False) -> 
         files |= {f"subgraphs/{name}.py": text for name, text in made.sources.items()}
         files |= {f"checkpoints/{name}.py": text for name, text in made.checkpoints.items()}
         files |= made.scripts
-        goals = [goal.model_dump() for goal in plan.content.goals]
-        files[GOALS] = json_text({"schema": "gap/goals/v1", "scene": plan.content.scene, "goals": goals})
+        files |= {GOALS: json_text(plan.goals.data)} if plan.goals else {}
         if not overwrite:
             require_unedited(run, files)
         files[RECORD] = generation_record(run, files)

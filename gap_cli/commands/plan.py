@@ -11,8 +11,14 @@ from gap_cli.commands.common import RUNS, AsJson, Root, Skills, complete_task, p
 
 
 def plan(
-    task: Annotated[str, typer.Option("--task", "-t", help="An installed task.", autocompletion=complete_task)],
-    say: Annotated[str, typer.Option("--say", "-s", help="What the robot shall do, in a sentence.")],
+    sentence: Annotated[str | None, typer.Argument(metavar="SENTENCE", help="What the robot shall do.")] = None,
+    task: Annotated[
+        str | None,
+        typer.Option(
+            "--task", "-t", autocompletion=complete_task, help="A task; the one that serves the sentence when left out."
+        ),
+    ] = None,
+    say: Annotated[str | None, typer.Option("--say", "-s", help="The sentence, as an option.")] = None,
     variant: Annotated[str, typer.Option(help="A variant of the task; its first when left out.")] = "",
     author: Annotated[str, typer.Option(help="Who writes the graph.")] = "symbolic",
     seed: Annotated[int, typer.Option(min=0, help="Base seed of this run's rehearsals.")] = 0,
@@ -24,11 +30,15 @@ def plan(
     json: AsJson = False,
 ) -> None:
     """Decide which skill serves which segment of the task, and start a run."""
-    from gap_cli.commands.pipeline import plan_run
+    from gap_cli.commands.pipeline import plan_run, serving_task
     from gap_cli.workspace.run import RunConfig
     from gap_runtime.contracts.documents import read_json
 
-    question: dict[str, Any] = {"task": task, "instruction": say, "variant": variant, "author": author, "seed": seed}
+    if (sentence is None) == (say is None):
+        raise typer.BadParameter("give one sentence, in quotes", param_hint="SENTENCE")
+    text = sentence or say or ""
+    question: dict[str, Any] = {"instruction": text, "variant": variant, "author": author, "seed": seed}
+    question["task"] = serving_task(text) if task is None else task
     question |= {"providers": _pairs(provider or []), "skills": [str(p.resolve()) for p in skills or ()]}
     config = RunConfig.load(question, "gap plan")
     run = plan_run(Path(root), config)
@@ -37,7 +47,7 @@ def plan(
         print_json({"run": run.name, "path": str(run.path), "plan": data})
         return
     segments = [f"  {s['name']}: {s['skill']}" for s in data.get("segments", [])]
-    print_done(run, "plan", [f"{run.name}: {say}", *segments], next_step=f"gap generate {run.argument}")
+    print_done(run, "plan", [f"{run.name}: {text}", *segments], next_step=f"gap generate {run.argument}")
 
 
 def _pairs(given: list[str]) -> dict[str, str]:

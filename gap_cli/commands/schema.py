@@ -11,7 +11,7 @@ from gap_cli.commands.common import print_json
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-KINDS = ("workflow", "contract", "task", "run")
+KINDS = ("workflow", "contract", "task", "run", "goals")
 
 
 def schema(
@@ -19,7 +19,7 @@ def schema(
         str, typer.Argument(help=f"One of {', '.join(KINDS)}.", autocompletion=lambda: list(KINDS), metavar="KIND")
     ],
 ) -> None:
-    """Print the JSON Schema of a workflow, a skill's contract, a task or a run."""
+    """Print the JSON Schema of a workflow, a skill's contract, a task, a run or goals."""
     print_json(schema_of(kind))
 
 
@@ -29,6 +29,7 @@ def schema_of(kind: str) -> dict[str, Any]:
     from gap_cli.workspace.run import RunConfig
     from gap_runtime.contracts.skill import SkillContract
     from gap_runtime.contracts.task import Task
+    from gap_runtime.contracts.task.goals import Goals
     from gap_runtime.errors import UnknownNameError
     from gap_runtime.graph.model import Workflow
 
@@ -37,6 +38,7 @@ def schema_of(kind: str) -> dict[str, Any]:
         "contract": SkillContract,
         "task": Task,
         "run": RunConfig,
+        "goals": Goals,
     }
     if kind not in models:
         raise UnknownNameError("kind of document", kind, KINDS)

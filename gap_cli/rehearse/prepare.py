@@ -40,7 +40,8 @@ def prepare(bundle: GraphBundle, folder: Path, inventory: Inventory) -> Prepared
     """Compile the bundle stored in `folder` and read its goals and checkpoints. Raises `RunError`, `DocumentError`."""
     graph = compile_bundle(bundle, folder, inventory)
     objects = inventory.task.objects
-    goals = tuple({role: name for role, name in g.items() if name in objects} for g in bundle.goals.goals)
+    facts = bundle.goals.predicates()
+    goals = tuple({role: name for role, name in fact.roles.items() if name in objects} for fact in facts)
     _ = bundle.checkpoints  # refused now where one cannot be read, not when the first subgraph ends
     return Prepared(inventory, bundle, graph, goals, make_conditions(inventory.task, goals))
 

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from gap_cli.skills.facts import meaning
+from gap_cli.skills.facts import preconditions_effects
 from gap_cli.skills.frontmatter import parse_skill_md
 from gap_runtime.contracts.documents import located, parse_yaml, read_text, yaml_lines
 from gap_runtime.contracts.failures import DocumentError
@@ -106,7 +106,7 @@ def load_contract(file: Path) -> SkillContract:
     except DocumentError as error:
         raise located(error, yaml_lines(text)) from None
     try:
-        meaning(contract)
+        preconditions_effects(contract)
     except ValueError as error:
         raise DocumentError(str(file), str(error)) from None
     return contract

@@ -48,7 +48,7 @@ def parse_fact(text: str) -> tuple[Fact, bool]:
 
 
 @dataclass(frozen=True)
-class Meaning:
+class PreconditionsEffects:
     """What a contract says symbolically: facts it needs, brings about, and ends. Arguments are its roles."""
 
     needs: frozenset[Fact]
@@ -56,7 +56,7 @@ class Meaning:
     deletes: frozenset[Fact]
 
 
-def meaning(contract: SkillContract) -> Meaning:
+def preconditions_effects(contract: SkillContract) -> PreconditionsEffects:
     """Read needs and effects. Raises ValueError for a malformed fact or an argument that is no role."""
     needs = [parse_fact(text) for text in contract.needs]
     effects = [parse_fact(text) for text in contract.effects]
@@ -64,7 +64,7 @@ def meaning(contract: SkillContract) -> Meaning:
         if not holds:
             raise ValueError(f"needs: {text!r}: only facts that hold can be needed")
     _check_roles(contract, [fact for fact, _ in [*needs, *effects]])
-    return Meaning(
+    return PreconditionsEffects(
         needs=frozenset(fact for fact, _ in needs),
         adds=frozenset(fact for fact, holds in effects if holds),
         deletes=frozenset(fact for fact, holds in effects if not holds),

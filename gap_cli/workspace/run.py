@@ -104,7 +104,7 @@ class Run:
         """The run created last, by number: clocks are set back. Raises `RunError` when there is none."""
         runs = cls.list(root)
         if not runs:
-            raise RunError(f"There is no run in {root}/ yet.", hint='Type: gap plan --task TASK --say "..."')
+            raise RunError(f"There is no run in {root}/ yet.", hint='Type: gap plan "SENTENCE"')
         return max(runs, key=lambda run: (_number(run.path), (run.path / "run.yaml").stat().st_mtime_ns, run.name))
 
     @classmethod

@@ -6,15 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
-
-from pydantic import Field
+from typing import Any
 
 from gap_runtime.bundle.digest import BundleDigest, data_sha256, text_sha256
 from gap_runtime.contracts.documents import parse_json, read_text
 from gap_runtime.contracts.failures import GapError
-from gap_runtime.contracts.models import Document
 from gap_runtime.contracts.skill import SkillContract, inside
+from gap_runtime.contracts.task.goals import Goals
 from gap_runtime.contracts.tool import ToolSpec
 from gap_runtime.errors import RunError, StorageError
 from gap_runtime.graph.callees import find_skill
@@ -23,15 +21,6 @@ from gap_runtime.graph.load import parse_workflow
 from gap_runtime.graph.model import Workflow
 
 WORKFLOW, GOALS = "workflow.json", "goals.json"
-
-
-class Goals(Document):
-    """The content of goals.json: the scene that is set up, and per goal which object plays which role of the task's
-    success conditions (`{"target": "milk", "container": "basket"}`)."""
-
-    schema_: Literal["gap/goals/v1"] = Field(default="gap/goals/v1", alias="schema")
-    scene: str
-    goals: list[dict[str, str]] = Field(min_length=1)
 
 
 @dataclass(frozen=True)
@@ -87,7 +76,8 @@ class GraphBundle:
     def goals(self) -> Goals:
         """What is to be achieved. Raises `RunError` where there is no goals.json, `DocumentError`."""
         if GOALS not in self.files:
-            example = '{"schema": "gap/goals/v1", "scene": SCENE, "goals": [{"target": OBJECT, "container": OBJECT}]}'
+            roles = '{"target": OBJECT, "container": OBJECT}'
+            example = f'{{"scene": SCENE, "goals": [{{"predicate": "in", "roles": {roles}}}]}}'
             raise RunError(f"There is no {GOALS} beside {WORKFLOW}.", hint=f"Write one: {example}")
         return Goals.load(parse_json(self.files[GOALS], GOALS), GOALS)
 

@@ -16,10 +16,18 @@ NAME_SLOT = "<name>"  # an input or output named `<name>_obb` is spelled with th
 
 
 class Exits(Document):
-    """Success exits with their meaning, and the one failure exit."""
+    """Success exits with their meaning, and the one failure exit. A skill that gives one object after another names
+    as `exhausted` the success exit by which it ends when none is left."""
 
     success: dict[str, str] = Field(min_length=1)
     failure: str
+    exhausted: str | None = None
+
+    @model_validator(mode="after")
+    def _known(self) -> Exits:
+        if self.exhausted is not None and (self.exhausted not in self.success or len(self.success) < 2):
+            raise ValueError(f"exhausted {self.exhausted!r} must be one of several success exits")
+        return self
 
 
 class Parameter(Document):

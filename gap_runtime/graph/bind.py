@@ -19,7 +19,7 @@ class ReferenceScope:
     path: str
     slots: Mapping[str, int]
     streaming: frozenset[str]
-    inputs: frozenset[str]
+    inputs: Mapping[str, str]  # name -> type; one that ends in "?" need not be there
     parameters: Mapping[str, Any]
 
 
@@ -67,7 +67,7 @@ def _reference_reader(reference: Reference, scope: ReferenceScope, where: str, l
             return _observations(live)
         if reference.name not in scope.inputs:
             raise UnknownNameError(f"input ({where})", reference.name, [*scope.inputs, STREAM])
-        return _input(reference, where)
+        return _input(reference, where, optional=scope.inputs[reference.name].endswith("?"))
     if reference.name not in scope.slots:
         raise UnknownNameError(f"node ({where})", reference.name, scope.slots)
     if reference.name in scope.streaming:
@@ -87,11 +87,13 @@ def _slot(index: int, reference: Reference, where: str) -> Reader:
     return read
 
 
-def _input(reference: Reference, where: str) -> Reader:
+def _input(reference: Reference, where: str, *, optional: bool) -> Reader:
     name, fields = reference.name, reference.fields
 
     def read(activation: ActivationValues, owner: StreamOwner | None) -> Any:
         value = activation.inputs.get(name, UNSET)
+        if value is UNSET and optional and not fields:
+            return None
         if value is UNSET:
             raise BadRequestError("reference", f"{where}: nothing upstream has produced {name!r}")
         return copy_containers(walk(value, fields, where) if fields else value)

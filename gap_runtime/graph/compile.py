@@ -155,7 +155,7 @@ class _Compiler:
         calls = dict(zip(steps, (Node(type="tool", tool=c.tool, inputs=c.inputs) for c in node.recovery), strict=True))
         definition = SubgraphDef(skill="", nodes=calls, exit=Exit(success_values=[]), on_error="")
         topology = make_topology(steps, list(zip([START, *steps], [*steps, END], strict=True)), {}, name)
-        scope = ReferenceScope(name, topology.index, frozenset(), frozenset(), {})
+        scope = ReferenceScope(name, topology.index, frozenset(), {}, {})
         nodes = tuple(self._node(definition, s, i, topology, scope, frozenset()) for i, s in enumerate(topology.names))
         return CompiledSubgraph(
             name, "", nodes, topology.entries, (), (), None, frozenset(), "", streams=False, tolerant=True
@@ -180,7 +180,7 @@ def _scope(path: str, definition: SubgraphDef, contract: SkillContract, topology
     defaults = {name: parameter.default for name, parameter in contract.parameters.items()}
     streaming = frozenset(name for name, node in definition.nodes.items() if node.streaming)
     parameters = {**defaults, **definition.parameters}
-    return ReferenceScope(path, topology.index, streaming, frozenset(definition.inputs), parameters)
+    return ReferenceScope(path, topology.index, streaming, definition.inputs, parameters)
 
 
 def _inputs(

@@ -125,6 +125,7 @@ exits: {success: {done: it is done}, failure: failed}
 swaps: [other-skill]
 parameters: {pace: {type: float, default: 1.0, range: [0.5, 2.0], unit: s}}
 """
+GOAL = {"predicate": "in", "roles": {"target": "can", "container": "bin"}}
 CHECKPOINTS = """
 CHECKPOINTS = [
     Checkpoint(
@@ -192,7 +193,7 @@ def make_run(tmp_path, little_cell):
     def make(root=tmp_path / "runs"):
         run = Run.create(root, RunConfig(task="little", instruction="Do it", seed=3))
         write_json(run.path / "plan/plan.json", {"schema": "gap/plan/v1"})
-        goals = {"schema": "gap/goals/v1", "scene": "two", "goals": [{"target": "can", "container": "bin"}]}
+        goals = {"schema": "gap/goals/v1", "scene": "two", "goals": [GOAL]}
         write_json(run.path / "generate/goals.json", goals)
         workflow = fake_workflow(
             {"look": "fake.Look", "act": "cell.Act"}, [("START", "look"), ("look", "act"), ("act", "done")]

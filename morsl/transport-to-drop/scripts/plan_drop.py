@@ -68,7 +68,7 @@ def run(
     for turned in orientations(container_obb, target_obb, ee_pose_at_grasp, held, inner):
         corners = turned.apply(held)
         hang = float(-corners[:, 2].min())
-        spot = choose_spot(container_obb, corners, inner, seen, corner(nth, total))
+        spot = choose_spot(container_obb, corners, inner, seen, parts(nth, total))
         drop = ctx.tool(
             "geometry_svc.ComputeDropPosition",
             container_obb=container_obb,
@@ -112,18 +112,21 @@ def orientations(
     return [r for r, s in zip(turned, slack, strict=True) if s >= 0]
 
 
-def corner(nth: int, total: int) -> np.ndarray:
-    """Which part of the container number `nth` of `total` objects should go to (2,): the middle, or by turns a corner.
+def parts(nth: int, total: int) -> np.ndarray:
+    """Which parts of the container number `nth` of `total` objects may go to (K, 2): the middle, or by turns a corner;
+    any corner where the number is not known (-1).
 
     Opposite corners first, so that two objects get as far apart as there is room.
     """
-    return np.array(CORNERS[nth % len(CORNERS)] if total > 1 else (0.0, 0.0))
+    if total == 1:
+        return np.zeros((1, 2))
+    return np.array(CORNERS if nth < 0 else [CORNERS[nth % len(CORNERS)]])
 
 
 def choose_spot(
-    container: OrientedBoundingBox, corners: np.ndarray, inner: np.ndarray, seen: np.ndarray, part: np.ndarray
+    container: OrientedBoundingBox, corners: np.ndarray, inner: np.ndarray, seen: np.ndarray, wanted: np.ndarray
 ) -> Spot:
-    """The spot with the lowest content below the object; among equals the nearest to the wanted `part`."""
+    """The spot with the lowest content below the object; among equals the nearest to a `wanted` part, the first."""
     half = footprint(container, corners).max(axis=0)
     floor = float(container.corners[:, 2].min())
     local = (seen - container.center.array) @ axes(container)
@@ -139,7 +142,8 @@ def choose_spot(
             spots.append(Spot(offset, max(floor, float(below.max())) if len(below) else floor))
     lowest = min(s.height for s in spots)
     level = [s for s in spots if s.height <= lowest + SAME_HEIGHT]
-    return min(level, key=lambda s: float(np.linalg.norm(s.offset - part * room)))
+    away = [np.round(np.linalg.norm(s.offset - wanted * room, axis=1), 3).tolist() for s in level]
+    return level[min(range(len(level)), key=lambda i: min((gap, k) for k, gap in enumerate(away[i])))]
 
 
 def highest_between(points: np.ndarray, a: np.ndarray, b: np.ndarray, spec: RobotSpec, corners: np.ndarray) -> float:

@@ -111,9 +111,7 @@ class Kitchen:
 
     def run(self, world: Any, *segments: Segment, more: dict[str, Tool] | None = None) -> Ran:
         """Build, validate, compile and run the graph of the segments."""
-        content = PlanData(
-            task=self.task.name, instruction="try", author="test", scene="none", goals=[], segments=list(segments)
-        )
+        content = PlanData(task=self.task.name, instruction="try", author="test", scene="none", segments=list(segments))
         tools = REGISTRY.tools | (more or {})
         made = build(Plan.of(content), self.task, LIBRARY, {name: tool.spec for name, tool in tools.items()})
         for path, text in made.scripts.items():

@@ -50,13 +50,15 @@ def told(name, text):
     """A sample plan of one skill in which everything that people write is `text`."""
     content = sample_plan(LIBRARY[name])[0].content
     segment = content.segments[0]
-    literals = {k: text if isinstance(v, str) else v for k, v in segment.literals.items()}
+    given = {"string": text, "string[]": [text]}
+    literals = {k: given.get(LIBRARY[name].contract.literals[k], v) for k, v in segment.literals.items()}
     segment = segment.model_copy(update={"description": text, "literals": literals, "on_error": text})
     changes = {"task": text, "instruction": text, "variant": text, "scene": text, "segments": [segment]}
     return Plan.of(content.model_copy(update=changes))
 
 
 @given(hostile)
+@settings(deadline=None)
 def test_text_does_not_change_what_a_topology_says(text):
     plan = told("perception-single", text)
     assert shape(plan.source) == shape(told("perception-single", "milk").source)
@@ -65,11 +67,12 @@ def test_text_does_not_change_what_a_topology_says(text):
 
 @pytest.mark.parametrize("name", COMPOSITE)
 @given(hostile)
-@settings(max_examples=25)
+@settings(max_examples=25, deadline=None)
 def test_text_does_not_change_what_a_subgraph_does(name, text):
     source = render_subgraph(told(name, text).content.segments[0], LIBRARY[name])
     assert shape(source) == shape(render_subgraph(told(name, "milk").content.segments[0], LIBRARY[name]))
-    assert texts(source).count(text) >= 2 + len(LIBRARY[name].contract.literals) * (name != "transport-to-drop")
+    words = [type_ for type_ in LIBRARY[name].contract.literals.values() if type_.startswith("string")]
+    assert texts(source).count(text) >= 2 + len(words)
 
 
 @given(hostile)
@@ -82,6 +85,7 @@ def test_text_comes_out_of_the_sandbox_as_it_went_in(text):
 
 
 @given(hostile)
+@settings(deadline=None)
 def test_a_label_in_a_checkpoint_is_data(text):
     bundle = LIBRARY["perception-single"]
     segment = sample_plan(bundle)[0].content.segments[0]
@@ -90,12 +94,13 @@ def test_a_label_in_a_checkpoint_is_data(text):
 
 
 @given(hostile)
+@settings(deadline=None)
 def test_the_page_of_a_plan_shows_text_as_text(text):
     page = told("perception-single", text).markdown
     plain = told("perception-single", "milk").markdown
     assert page.count("\n") == plain.count("\n")
     rows = [line.replace("\\|", "") for line in page.splitlines() if line.startswith("|")]
-    assert {row.count("|") for row in rows} == {8}
+    assert {row.count("|") for row in rows} == {9}
 
 
 ODD = ("", "“", "”", "'", '"', "\t", "\n", "\r\n", "  ", "«", "\u00a0", "\v")
@@ -134,4 +139,4 @@ def test_an_instruction_is_never_cut_short(task):
 def test_quotation_marks_in_an_instruction_are_data(task):
     plan = author.plan(task, 'Put the "milk" in the "basket"', LIBRARY, TOOLS)
     assert author.generate(plan, task, LIBRARY, TOOLS).workflow.meta["description"] == 'Put the "milk" in the "basket"'
-    assert json.loads(json_text(plan.data))["goals"][0]["fact"] == "in(milk, basket)"
+    assert json.loads(json_text(plan.goals.data))["goals"][0]["roles"] == {"target": "milk", "container": "basket"}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from gap_cli.author.operators import OperatorLibrary
 from gap_cli.author.regress import State, regress
-from gap_cli.author.steps import Repertoire
 from gap_cli.skills.facts import Fact
 from gap_runtime.errors import InstructionError
 from tests.unit.author.contract_library import OBB, POSE, SPINE, library, tools
@@ -16,7 +16,7 @@ OBJECTS = ["milk", "basket"]
 
 
 def plan(lib, goal=IN, state=IDLE, objects=OBJECTS, keep=frozenset(), served=None):
-    steps = regress(goal, state, Repertoire.of(lib, served or tools()), objects, keep)
+    steps = regress(goal, state, OperatorLibrary.of(lib, served or tools()), objects, keep)
     return [(s.skill, *s.roles.values()) for s in steps]
 
 
@@ -32,7 +32,7 @@ def test_nothing_is_done_for_what_holds_already():
 
 
 def test_a_held_object_is_not_grasped_again():
-    grasped = IDLE.after(regress(Fact("holding", ("milk",)), IDLE, Repertoire.of(library(), tools()), OBJECTS))
+    grasped = IDLE.after(regress(Fact("holding", ("milk",)), IDLE, OperatorLibrary.of(library(), tools()), OBJECTS))
     assert ("seize", "milk") not in plan(library(drop_in={**SPINE["drop-in"], "inputs": {}}), state=grasped)
 
 
@@ -141,8 +141,8 @@ def test_the_same_library_in_another_order_gives_the_same_plan():
 
 
 def test_values_go_stale_with_the_fact_they_were_established_with():
-    steps = regress(IN, IDLE, Repertoire.of(library(), tools()), OBJECTS)
+    steps = regress(IN, IDLE, OperatorLibrary.of(library(), tools()), OBJECTS)
     after = IDLE.after(steps)
     assert IN in after.facts
     assert {v.name for v in after.values} == set()  # the basket may have been pushed, the milk is inside
-    assert POSE in {str(port.type) for step in steps for port in step.gives}
+    assert POSE in {str(port.type) for step in steps for port in step.outputs}

@@ -10,7 +10,7 @@ from gap_runtime.testing import fake_workflow
 
 POINTS = 'CHECKPOINTS = [Checkpoint("near", \'w.body("can").y < 0.04\')]\n'
 SCRIPT = "def run(ctx) -> None:\n    pass\n"
-GOAL = {"schema": "gap/goals/v1", "scene": "two", "goals": [{"target": "can"}]}
+GOAL = {"schema": "gap/goals/v1", "scene": "two", "goals": [{"predicate": "open", "roles": {"target": "can"}}]}
 EXITS = {"success": {"done": ""}, "failure": "failed"}
 SKILL = {
     "kind": "composite", "template": "t", "tools": ["fake.Look", "see"], "exits": EXITS,

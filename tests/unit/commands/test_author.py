@@ -17,7 +17,7 @@ sg.add_checkpoint("near", 'w.body("can").y < 0.04', rationale="The can ends up n
 class Poet:
     def plan(self, request):
         segment = {"name": "main", "skill": "fake", "layer": 0, "exits": ["done"], "on_error": "failed"}
-        goals = [{"fact": "in", "target": "can", "container": "bin"}]
+        goals = {"goals": [{"predicate": "in", "roles": {"target": "can", "container": "bin"}}]}
         assert "cell.Act" in request.tools and request.skills["fake"].contract.swaps == ["other-skill"]
         return {"task": request.task.name, "instruction": request.instruction, "author": "?", "scene": "two",
                 "goals": goals, "segments": [segment]}
