@@ -99,11 +99,13 @@ def _describe(found: list[Thing], modifiers: Phrase, head: Phrase) -> tuple[list
 
 def _object(name: str, model: ObjectModel) -> Thing:
     words, names = lexicon(), [_words(text) for text in (name, model.label, *model.words)]
-    kinds = {k for key in (model.shape.kind, str(model.looks.get("style", ""))) for k in words.kinds.get(key, ())}
+    kinds = {k for key in (model.shape.kind, model.looks.style) for k in words.kinds.get(key, ())}
     category = _words(model.category)
     families = [name[:-1] for name in names if name and name[-1].isdigit()]  # "port" for `port_3`
     heads = {n[start:] for n in [*names, *families] for start in range(len(n))} | kinds | {category} | words.things
-    described = {w for phrase in (*names, *kinds, category) for w in phrase} | _colour(str(model.looks.get("base", "")))
+    described = {w for phrase in (*names, *kinds, category) for w in phrase} | _colour(
+        model.looks.base if "base" in model.looks.model_fields_set else ""
+    )
     kept = tuple(dict.fromkeys(n for n in names if n))
     return Thing(name, model.label, "object", kept, frozenset(h for h in heads if h), frozenset(described))
 
