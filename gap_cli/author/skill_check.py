@@ -99,18 +99,20 @@ def draft_alone(bundle: SkillBundle, tools: Mapping[str, ToolSpec]) -> Generated
 
 def _scripts(scripts: Mapping[str, Path], allowed: Set[str] | None) -> Iterator[Finding]:
     """What is wrong with scripts by logical name; `allowed` are the tools the contract lists, where it can be read."""
-    for problem in check_scripts({name: read_text(file) for name, file in scripts.items()}):
-        where = str(scripts[problem.file])
-        yield Finding(f"scripts.{problem.file}", CODE, problem.message, problem.hint, file=where, line=problem.line)
+    texts: dict[str, str] = {}
     for logical, file in scripts.items():
         path = f"scripts.{logical}"
         try:
-            spec = read_signature(read_text(file), str(file))
+            text = read_text(file)
+            spec = read_signature(text, str(file))
         except GapError as error:
             yield Finding(path, CODE, error.message, error.hint)
             continue
         for name in sorted(spec.tools - allowed) if allowed is not None else ():
             yield Finding(path, CODE, f"calls {name}, which the contract does not list", "Add it below tools:.")
+        texts[logical] = text
+    for p in check_scripts(texts):
+        yield Finding(f"scripts.{p.file}", CODE, p.message, p.hint, file=str(scripts[p.file]), line=p.line)
 
 
 def _subgraph(bundle: SkillBundle, tools: Mapping[str, ToolSpec]) -> list[Finding]:

@@ -171,3 +171,11 @@ def test_new_says_what_to_type_next(tmp_path):
     assert (
         gap("check", tmp_path / "wave-hello/gap_wave_hello/skills/wave-hello").exit_code == 1
     )  # its tool is not served
+
+
+def test_check_reports_an_unreadable_script_with_the_other_problems(tmp_path):
+    bad = tmp_path / "perception-single"
+    shutil.copytree(f"{MORSL}/perception-single", bad)
+    (bad / "scripts" / "perceive_dino_vlm.py").write_bytes(b"\xff\xfe")
+    done = gap("check", bad, "--json")
+    assert done.exit_code == 1 and any("UTF-8" in f["message"] for f in json.loads(done.stdout))
