@@ -92,7 +92,7 @@ def _bounds(offset: Distribution) -> tuple[Array, Array]:
         mean, sigma = (np.asarray(v) for v in offset.normal)
         low, high = mean - SIGMAS * sigma, mean + SIGMAS * sigma
     elif offset.choice is not None:
-        low, high = min(offset.choice), max(offset.choice)
+        low, high = np.min(offset.choice, axis=0), np.max(offset.choice, axis=0)
     else:
         low = high = offset.constant or 0.0
     return np.broadcast_to(low, 2), np.broadcast_to(high, 2)

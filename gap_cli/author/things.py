@@ -9,6 +9,7 @@ from functools import cached_property
 
 from gap_cli.author.lexicon import Phrase, lexicon, tokens
 from gap_runtime.contracts.task import ObjectModel, Task
+from gap_runtime.contracts.task.appearance import rgb
 
 
 @dataclass(frozen=True)
@@ -103,9 +104,7 @@ def _object(name: str, model: ObjectModel) -> Thing:
     category = _words(model.category)
     families = [name[:-1] for name in names if name and name[-1].isdigit()]  # "port" for `port_3`
     heads = {n[start:] for n in [*names, *families] for start in range(len(n))} | kinds | {category} | words.things
-    described = {w for phrase in (*names, *kinds, category) for w in phrase} | _colour(
-        model.looks.base if "base" in model.looks.model_fields_set else ""
-    )
+    described = {w for phrase in (*names, *kinds, category) for w in phrase} | _colour(model)
     kept = tuple(dict.fromkeys(n for n in names if n))
     return Thing(name, model.label, "object", kept, frozenset(h for h in heads if h), frozenset(described))
 
@@ -132,14 +131,11 @@ def _plurals(word: str) -> Iterable[str]:
         yield word[:-1] + "ies"
 
 
-def _colour(base: str) -> set[str]:
-    """The colour words for `#rrggbb`."""
-    if len(base) != 7 or not base.startswith("#"):
+def _colour(model: ObjectModel) -> set[str]:
+    """The colour words for an object, where the task says what it looks like."""
+    if "base" not in model.looks.model_fields_set:
         return set()
-    try:
-        red, green, blue = (int(base[i : i + 2], 16) / 255 for i in (1, 3, 5))
-    except ValueError:
-        return set()
+    red, green, blue = (channel / 255 for channel in rgb(model.looks.base))
     hue, saturation, value = colorsys.rgb_to_hsv(red, green, blue)
     if value < 0.2:
         return {"black"}
