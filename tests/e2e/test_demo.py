@@ -51,5 +51,6 @@ def test_two_demos_do_not_differ_and_hold_what_they_promise(tmp_path):
 
     summary = json.loads((run / "rehearse/00/summary.json").read_text())
     assert summary["episodes"] == 2 and not summary["partial"] and not summary["void"]
-    assert [s["stage"] for s in summary["subgraphs"]] == ["perceive", "perceive", "grasp", "place"]
+    stages = [s["stage"] for s in summary["subgraphs"]]
+    assert stages[:4] == ["perceive", "perceive", "grasp", "place"]  # then the ways where one of them fails
     assert summary["privileged_tools"] == []
