@@ -16,6 +16,7 @@ from gap_cli.commands.doctor import doctor
 from gap_cli.commands.generate import generate
 from gap_cli.commands.importing import import_
 from gap_cli.commands.plan import plan
+from gap_cli.commands.refine import refine
 from gap_cli.commands.rehearse import rehearse
 from gap_cli.commands.report import report
 from gap_cli.commands.run import run
@@ -40,6 +41,7 @@ app.command(rich_help_panel=PIPELINE)(plan)
 app.command(rich_help_panel=PIPELINE)(generate)
 app.command(rich_help_panel=PIPELINE)(validate)
 app.command(rich_help_panel=PIPELINE)(rehearse)
+app.command(rich_help_panel=PIPELINE)(refine)
 app.command(rich_help_panel=PIPELINE)(report)
 app.command(rich_help_panel=PIPELINE)(run)
 app.command(rich_help_panel=PIPELINE)(view)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,11 +22,16 @@ from gap_cli.commands.common import (
     print_json,
     print_table,
 )
+from gap_cli.commands.error_handler import say as say_line
 from gap_runtime.errors import GapError
 
 if TYPE_CHECKING:
     from gap_cli.rehearse.evaluate import Evaluation
     from gap_cli.workspace.run import Run
+    from gap_runtime.contracts.engine import EpisodeResult
+
+Progress = Callable[["EpisodeResult"], None]
+Say = Callable[[str], None]
 
 
 class Recorded(StrEnum):
@@ -68,7 +76,6 @@ def rehearse_run(
     run: Run, n: int, seed: int | None, workers: int, record: Recorded, engine: str = "local"
 ) -> Evaluation:
     """Rehearse with a progress bar on stderr."""
-    from gap_cli.commands.progress import episode_progress
     from gap_cli.rehearse.rehearsal import rehearse as roll_out
 
     with run.held(), episode_progress(n) as (progress, say):
@@ -120,3 +127,38 @@ def _spread(values: Any) -> str:
     if values["median"] is None:
         return "-"
     return f"{values['median']:.1f} s (p90 {values['p90']:.1f})"
+
+
+@contextmanager
+def episode_progress(total: int) -> Iterator[tuple[Progress, Say]]:
+    """What to call with each finished episode, and with each remark: a progress bar on stderr where someone watches, a
+    line per episode where no one does."""
+    if not sys.stderr.isatty():
+        yield _plain(total), say_line
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("episodes", total=total)
+        won = [0]
+
+        def progress(result: EpisodeResult) -> None:
+            won[0] += bool(result.row["success"])
+            bar.update(task, advance=1, description=f"episodes, {won[0]} succeeded")
+
+        yield progress, lambda text: bar.console.print(text, markup=False)
+
+
+def _plain(total: int) -> Progress:
+    done = [0]
+
+    def progress(result: EpisodeResult) -> None:
+        done[0] += 1
+        row = result.row
+        ending = "success" if row["success"] else f"{row['status']}: {row['reason']}"
+        say_line(f"[{done[0]}/{total}] seed {result.seed}: {ending}")
+
+    return progress

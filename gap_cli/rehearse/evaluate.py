@@ -58,7 +58,7 @@ class Evaluation:
 
 def evaluate(
     bundle: GraphBundle,
-    seeds: range,
+    seeds: Sequence[int],
     engine: Engine,
     inventory: Inventory,
     *,
@@ -93,7 +93,7 @@ def evaluate(
         again = record == "failed" and output is not None
         not_reproduced = _record_failed(engine, job, results, stop, say) if again else []
         rows = [results[seed].row for seed in sorted(results)]
-        summary = summarize(rows, describe(prepared, lock), seed=seeds.start, asked=len(seeds))
+        summary = summarize(rows, describe(prepared, lock), seed=min(seeds), asked=len(seeds))
     timings = [results[seed].timing for seed in sorted(results)]
     return Evaluation(rows, timings, summary, stop.is_set(), not_reproduced)
 
