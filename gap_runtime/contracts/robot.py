@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+STEP_VELOCITY = 2.175  # rad/s: of the Panda, the arm of the environments that the catalogue's `max_steps` comes from
+
 
 @dataclass(frozen=True)
 class JointLimits:
@@ -97,3 +99,9 @@ class RobotSpec:
     def dof(self) -> int:
         """Number of arm joints."""
         return len(self.joints)
+
+    @property
+    def time_scale(self) -> float:
+        """How much longer a motion may take than limits in control steps say: those are for joints of `STEP_VELOCITY`,
+        and 1 for an arm that is as fast in every joint."""
+        return max(1.0, STEP_VELOCITY / min(limit.velocity for limit in self.limits))

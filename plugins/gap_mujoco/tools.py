@@ -74,8 +74,9 @@ def move_to_joints(ctx: ToolContext, request: MoveToJointsBlocking) -> StepResul
     arm = ctx.cell.arms[0]
     arm.finish()
     trajectory = point_to_point(arm.spec, arm.state().joints.positions, request.target_joints.positions)
-    if trajectory.duration > request.max_steps * STEP:
-        need = int(trajectory.duration / STEP) + 1
+    step = STEP * arm.spec.time_scale
+    if trajectory.duration > request.max_steps * step:
+        need = int(trajectory.duration / step) + 1
         raise BadRequestError(
             "max_steps", f"The motion takes {need} control steps, more than max_steps {request.max_steps}."
         )

@@ -10,6 +10,7 @@ from gap_motion.planning.line import follow, interpolate, waypoint_count
 from gap_motion.planning.paths import polyline, spline, velocity_limits, without_repeats
 from gap_motion.timing.timing import point_to_point, time_path
 from gap_runtime.contracts.failures import PlanningError
+from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.contracts.types import Array, Trajectory
 
 
@@ -64,14 +65,18 @@ def pregrasp_pose(cell: ArmModel, last_joint_frame: Array, distance: float) -> A
     return T
 
 
-def within_steps(trajectory: Trajectory, max_steps: int) -> Trajectory:
-    """The trajectory, when it is done in `max_steps` control periods. Raises `PlanningError` (`budget`)."""
-    if trajectory.duration > max_steps * STEP:
+def within_steps(trajectory: Trajectory, max_steps: int, spec: RobotSpec) -> Trajectory:
+    """The trajectory, when it is done in `max_steps` control periods, which last longer for a slower arm.
+
+    Raises `PlanningError` (`budget`).
+    """
+    step = STEP * spec.time_scale
+    if trajectory.duration > max_steps * step:
         raise PlanningError(
             "budget",
             f"The motion takes {trajectory.duration:.2f} s, more than max_steps = {max_steps} allow "
-            f"({max_steps * STEP:.2f} s at {STEP:g} s a step).",
-            hint=f"Give max_steps={int(np.ceil(trajectory.duration / STEP))}.",
+            f"({max_steps * step:.2f} s at {step:.3g} s a step of {spec.name}).",
+            hint=f"Give max_steps={int(np.ceil(trajectory.duration / step))}.",
         )
     return trajectory
 

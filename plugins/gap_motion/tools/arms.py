@@ -66,7 +66,9 @@ def move_to_joints_both(ctx: ToolContext, request: MoveToJointsBoth) -> None:
     ]
     near = positive(request.tolerance, "tolerance")
     planned = [
-        moves.within_steps(point_to_point(cell.chain, np.stack([cell.wait_until_settled(), goal])), request.max_steps)
+        moves.within_steps(
+            point_to_point(cell.chain, np.stack([cell.wait_until_settled(), goal])), request.max_steps, cell.spec
+        )
         for cell, goal in zip(cells, goals, strict=True)
     ]
     move_together(ctx, cells, planned, near)

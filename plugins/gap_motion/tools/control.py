@@ -38,7 +38,9 @@ def go_to_pose(ctx: ToolContext, request: GoToPose) -> None:
     target = cell.last_joint_frame(pose_matrix(request.pose, "pose"), request.tcp_offset)
     near = positive(request.tolerance, "tolerance")
     start = cell.wait_until_settled()
-    trajectory = moves.within_steps(moves.to_pose(cell, start, target, request.z_approach), request.max_steps)
+    trajectory = moves.within_steps(
+        moves.to_pose(cell, start, target, request.z_approach), request.max_steps, cell.spec
+    )
     _run(ctx, cell, trajectory, start, near, request.nonblocking)
 
 
@@ -75,7 +77,7 @@ def move_to_joints(ctx: ToolContext, request: MoveToJoints) -> None:
     goal = joints_of(request.joint_config, cell.spec, "joint_config")
     near = positive(request.tolerance, "tolerance")
     start = cell.wait_until_settled()
-    planned = moves.within_steps(point_to_point(cell.chain, np.stack([start, goal])), request.max_steps)
+    planned = moves.within_steps(point_to_point(cell.chain, np.stack([start, goal])), request.max_steps, cell.spec)
     _run(ctx, cell, planned, start, near)
 
 

@@ -7,10 +7,11 @@ and `describe` reads the RobotSpec off the result. What a model does not say is 
 from __future__ import annotations
 
 import os
+import warnings
 from functools import cache, partial
 from pathlib import Path
 
-from gap_runtime.contracts.failures import UnknownNameError
+from gap_runtime.contracts.failures import DocumentError, GapError, UnknownNameError
 from gap_runtime.contracts.robot import RobotSpec
 from gap_runtime.hookspecs import Register
 
@@ -34,16 +35,23 @@ def folders() -> list[Path]:
 
 @cache
 def menagerie(name: str) -> RobotSpec:
-    """The spec of one folder's arm. Raises `UnknownNameError`, `DocumentError` when it is not one arm with a parallel
-    jaw or a place for one."""
+    """The spec of one folder's arm. Raises `UnknownNameError`, `DocumentError` with the reason when its model cannot be
+    read, or is not one arm with a parallel jaw or a place for one."""
     from gap_robots.menagerie.adapt import adapt
     from gap_robots.menagerie.describe import describe
 
     found = {path.name: path for path in folders()}
     if name not in found:
         raise UnknownNameError("Menagerie model", name, found)
-    adapted = adapt(_models(found[name])[0], name)
-    return describe(adapted, PREFIX + name)
+    source = _models(found[name])[0]
+    try:
+        with warnings.catch_warnings(action="ignore"):  # about options of the file, which the scene's own replace
+            return describe(adapt(source, name), PREFIX + name)
+    except GapError:
+        raise
+    except Exception as error:  # MuJoCo's reader and compiler raise what they like
+        reason = "; ".join(str(error).strip().splitlines()) or type(error).__name__
+        raise DocumentError(str(source), f"cannot be used as an arm: {reason}") from None
 
 
 def _models(folder: Path) -> list[Path]:

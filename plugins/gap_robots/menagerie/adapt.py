@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import tempfile
 import xml.etree.ElementTree as ET
@@ -11,12 +12,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from gap_runtime.contracts.failures import DocumentError
 from gap_runtime.contracts.types import Array
 
+log = logging.getLogger(__name__)
 MOUNTS = ("attachment_site", "attachment", "ee_site", "end_effector", "tool0")
 STIFFNESS_PER_TORQUE, DAMPING_PER_STIFFNESS = 45.0, 0.04  # of a servo: 1/rad, s
+CONTINUOUS = 2 * np.pi  # rad, either way: the range of a joint without one, since a servo's target has bounds
 DEFAULT_TORQUE = 30.0  # Nm, for a joint whose model names none
 JAW_FORCE, JAW_STIFFNESS, JAW_DAMPING = 60.0, 3500.0, 30.0
 
@@ -41,7 +45,11 @@ def adapt(source: Path, name: str) -> Adapted:
     """
     import mujoco
 
+    mujoco.set_mju_user_warning(log.info)
     spec = mujoco.MjSpec.from_file(str(source))
+    for joint in spec.joints:
+        if joint.type == mujoco.mjtJoint.mjJNT_HINGE and joint.range[0] >= joint.range[1]:
+            joint.limited, joint.range = mujoco.mjtLimited.mjLIMITED_TRUE, [-CONTINUOUS, CONTINUOUS]
     home = _home(spec.compile())
     if len(_slides(spec.compile())) != 2:
         _mount_jaw(spec, source)
@@ -172,14 +180,31 @@ def _write(text: str, source: Path, name: str) -> Path:
 
 
 def _dissolve_frames(element: ET.Element) -> None:
-    """Give the one body of each <frame> the frame's pose: dm_control does not know frames."""
-    for index, child in enumerate(list(element)):
+    """Give what is in each <frame> the frame's pose on top of its own: dm_control does not know frames."""
+    children: list[ET.Element] = []
+    for child in list(element):
         _dissolve_frames(child)
-        if child.tag == "frame":
-            (body,) = child
-            body.attrib.pop("pos", None)
-            body.attrib.update({k: v for k, v in child.attrib.items() if k in ("pos", "quat", "euler", "axisangle")})
-            element[index] = body
+        element.remove(child)
+        children += [_moved(inner, child) for inner in child] if child.tag == "frame" else [child]
+    element.extend(children)
+
+
+def _moved(element: ET.Element, frame: ET.Element) -> ET.Element:
+    """The element at its pose in the frame; MuJoCo writes poses as `pos` and `quat`."""
+    (R, p), (R_inner, p_inner) = _pose(frame), _pose(element)
+    x, y, z, w = (R * R_inner).as_quat(canonical=True)
+    element.set("pos", " ".join(f"{v:.9g}" for v in R.apply(p_inner) + p))
+    if element.tag == "body" and "childclass" in frame.attrib:
+        element.attrib.setdefault("childclass", frame.attrib["childclass"])
+    element.set("quat", " ".join(f"{v:.9g}" for v in (w, x, y, z)))
+    return element
+
+
+def _pose(element: ET.Element) -> tuple[Rotation, Array]:
+    if found := {"euler", "axisangle", "xyaxes", "zaxis", "fromto"} & element.attrib.keys():
+        raise ValueError(f"a <{element.tag}> in a frame is turned by {found.pop()}; only quat is understood")
+    w, x, y, z = map(float, element.get("quat", "1 0 0 0").split())
+    return Rotation.from_quat([x, y, z, w]), np.array([float(v) for v in element.get("pos", "0 0 0").split()])
 
 
 def box_of(model: Any, body: int) -> tuple[Array, Array]:

@@ -1,6 +1,7 @@
 """A Menagerie checkout of our own making: the first-party models under foreign names."""
 
 import re
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -8,10 +9,12 @@ import pytest
 
 from gap_catalogue.shared.robot_chain import chain
 from gap_motion.kinematics import ik
+from gap_motion.planning.moves import within_steps
 from gap_robots import menagerie
 from gap_robots.panda import FOLDER as PANDA
 from gap_robots.ur5e import FOLDER as UR5E
-from gap_runtime.contracts.failures import DocumentError, UnknownNameError
+from gap_runtime.contracts.failures import DocumentError, PlanningError, UnknownNameError
+from gap_runtime.contracts.types import Trajectory
 from gap_runtime.plugins import load_registry
 
 
@@ -87,6 +90,59 @@ def test_what_is_no_arm_is_refused_by_name(checkout):
         menagerie.menagerie("lamp")
     with pytest.raises(UnknownNameError):
         menagerie.menagerie("nobody")
+
+
+def _write(checkout, name, text, **files):
+    (checkout / name).mkdir()
+    for file, content in {"arm": text, **files}.items():
+        (checkout / name / f"{file}.xml").write_text(content)
+
+
+def test_a_continuous_joint_gets_a_range(checkout):
+    text = (PANDA / "panda.xml").read_text()
+    _write(checkout, "endless_arm", text.replace('range="-2.8973 2.8973"', 'limited="false"', 1))
+    limit = menagerie.menagerie("endless_arm").limits[0]
+    assert (limit.lower, limit.upper) == pytest.approx((-2 * np.pi, 2 * np.pi))
+
+
+def test_a_nested_model_loads_where_it_is_placed_without_a_warning(checkout, robot, recwarn, capfd):
+    outer = (
+        '<mujoco><asset><model name="inner" file="inner.xml"/></asset><worldbody><frame pos="0 0 0.1" quat="0 0 0 1">'
+        '<attach model="inner" body="panda_link0" prefix="a_"/><geom size="0.01"/></frame></worldbody></mujoco>'
+    )
+    _write(checkout, "nested_arm", outer, inner=(PANDA / "panda.xml").read_text())
+    found = menagerie.menagerie("nested_arm")
+    assert found.dof == 7 and not recwarn.list and "WARNING" not in capfd.readouterr().err
+    model = mujoco.MjModel.from_xml_path(str(found.model_file))
+    base = model.body(found.base_link)
+    np.testing.assert_allclose(base.pos, [0, 0, 0.1], atol=1e-6)
+    np.testing.assert_allclose(np.abs(base.quat), [0, 0, 0, 1], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ('<mujoco><asset><mesh name="m" file="gone.stl"/></asset></mujoco>', "gone.stl"),
+        ("<mujoco><worldbody>", "XML parse error"),
+        ("<mujoco><worldbody><body><joint/></body></worldbody></mujoco>", "mass"),
+    ],
+    ids=["missing mesh", "broken file", "no mass"],
+)
+def test_a_model_that_cannot_be_used_is_refused_with_the_reason(checkout, text, reason):
+    _write(checkout, "bad_arm", text)
+    with pytest.raises(DocumentError, match=rf"bad_arm/arm.xml: cannot be used as an arm: .*{reason}"):
+        menagerie.menagerie("bad_arm")
+
+
+@pytest.mark.parametrize("slower", [1.0, 2.0])
+def test_a_step_limit_follows_the_speed_of_the_arm(robot, slower):
+    fast = robot("panda")
+    spec = replace(fast, limits=tuple(replace(li, velocity=li.velocity / slower) for li in fast.limits))
+    assert spec.time_scale == pytest.approx(slower) and robot("ur5e").time_scale == 1.0
+    motion = Trajectory(np.array([0.0, 6.0 * slower]), np.zeros((2, 7)))
+    assert within_steps(motion, 120, spec) is motion
+    with pytest.raises(PlanningError, match="max_steps = 119"):
+        within_steps(motion, 119, spec)
 
 
 def test_no_checkout_no_robots(monkeypatch, tmp_path):
