@@ -17,7 +17,8 @@ from gap_runtime.plugins import load_registry
 from gap_runtime.run.execute import RunSetup, run_graph
 from gap_runtime.testing import compile_fake, fake_workflow
 
-pytestmark = pytest.mark.sim
+# One worker for all: they share a cell, and what one finds depends on where another left the arms.
+pytestmark = [pytest.mark.sim, pytest.mark.xdist_group("two_arms")]
 DOWN = Quaternion(0.0, 1.0, 0.0, 0.0)
 
 
