@@ -19,6 +19,7 @@ from gap_runtime.contracts.types import Array
 
 log = logging.getLogger(__name__)
 MOUNTS = ("attachment_site", "attachment", "ee_site", "end_effector", "tool0")
+HANDS = ("right_hand",)  # bodies that robosuite mounts grippers on, at their origin
 STIFFNESS_PER_TORQUE, DAMPING_PER_STIFFNESS = 45.0, 0.04  # of a servo: 1/rad, s
 CONTINUOUS = 2 * np.pi  # rad, either way: the range of a joint without one, since a servo's target has bounds
 DEFAULT_TORQUE = 30.0  # Nm, for a joint whose model names none
@@ -95,13 +96,21 @@ def _slides(model: Any) -> Any:
 
 
 def _torque(model: Any, joint: str) -> float:
-    """What the model says a joint can do: its own force range, or that of the actuator on it."""
+    """What the model says a joint can do: its force range, that of its actuator, or a motor's control range."""
+    import mujoco
+
     index = model.joint(joint).id
     if model.jnt_actfrclimited[index]:
         return float(model.jnt_actfrcrange[index, 1])
     for actuator in range(model.nu):
-        if model.actuator_trnid[actuator, 0] == index and model.actuator_forcelimited[actuator]:
-            return float(model.actuator_forcerange[actuator, 1])
+        if model.actuator_trnid[actuator, 0] != index:
+            continue
+        gear = abs(float(model.actuator_gear[actuator, 0]))
+        if model.actuator_forcelimited[actuator]:
+            return gear * float(model.actuator_forcerange[actuator, 1])
+        motor = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
+        if motor and model.actuator_ctrllimited[actuator]:
+            return gear * float(model.actuator_gainprm[actuator, 0] * model.actuator_ctrlrange[actuator, 1])
     return DEFAULT_TORQUE
 
 
@@ -117,11 +126,14 @@ def _mount_jaw(spec: Any, source: Path) -> None:
     from gap_robots.ur5e import FOLDER
 
     site = next((s for name in MOUNTS if (s := spec.site(name)) is not None), None)
+    hand = next((b for name in HANDS if (b := spec.body(name)) is not None), None)
+    if site is None and hand is not None:
+        site = hand.add_site(name=MOUNTS[0])
     if site is None:
         raise DocumentError(
             str(source),
-            "has no pair of sliding fingers, and no site to mount a jaw on",
-            hint=f"Sites: {', '.join(MOUNTS)}.",
+            "has no pair of sliding fingers, and nothing to mount a jaw on",
+            hint=f"Name a site {', '.join(MOUNTS)}, or a body {', '.join(HANDS)}.",
         )
     jaw = mujoco.MjSpec.from_file(str(FOLDER / "ur5e.xml")).body("tool0")
     jaw.pos = [0.0, 0.0, 0.0]

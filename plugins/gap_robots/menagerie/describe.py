@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
 import numpy as np
+from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from gap_robots.menagerie.adapt import JAW_FORCE, Adapted, box_of
@@ -17,6 +19,9 @@ from gap_runtime.contracts.types import Array
 # Neither MJCF nor Menagerie states rates; these are slower than any arm of the collection.
 VELOCITY, ACCELERATION, JERK, TCP_VELOCITY, JAW_SPEED = 1.0, 4.0, 2000.0, 0.8, 0.05
 TIP = 0.01  # m from the fingertips' ends to the TCP
+# Of a home: TCP ahead of the base, as a share of the arm's length, and above it [m]; joints' distance from their ends,
+# as a share of their ranges; how many configurations its search begins from.
+READY_AHEAD, READY_ABOVE, READY_MARGIN, STARTS = 0.5, 0.45, 0.05, 24
 SAMPLES, ALWAYS = 1000, 0.6  # configurations looked at; links that touch in more of them than this are neighbours
 CHOSEN = "not in the model: chosen below every arm of the collection"
 
@@ -27,9 +32,12 @@ def describe(adapted: Adapted, name: str) -> RobotSpec:
 
     model = mujoco.MjModel.from_xml_path(str(adapted.file))
     data = mujoco.MjData(model)
-    home = adapted.home or tuple(float(np.mean(model.joint(j).range)) for j in adapted.joints)
-    _place(model, data, adapted, np.array(home))
+    middle = np.array([np.mean(model.joint(j).range) for j in adapted.joints])
+    _place(model, data, adapted, middle if adapted.home is None else np.array(adapted.home))
     T_flange_tcp, finger = _tcp(model, data, adapted)
+    if adapted.home is None:
+        adapted = replace(adapted, home=_ready(model, data, adapted, T_flange_tcp, middle))
+    home = adapted.home or ()
     spheres = cover_model(adapted.file)
     x, y, z, w = Rotation.from_matrix(T_flange_tcp[:3, :3]).as_quat(canonical=True)
     return RobotSpec(
@@ -56,7 +64,8 @@ def describe(adapted: Adapted, name: str) -> RobotSpec:
         self_collision_ignore=_neighbours(model, data, adapted, spheres),
         cameras=(_wrist(adapted, T_flange_tcp),),
         sources={"limits": f"ranges and torques from the model; rates {CHOSEN}", "tcp_velocity": CHOSEN,
-                 "gripper.max_force": CHOSEN, "tcp_offset_position": f"{TIP} m short of the fingertips in the model"},
+                 "gripper.max_force": CHOSEN, "home": "the model's keyframe, else found by inverse kinematics",
+                 "tcp_offset_position": f"{TIP} m short of the fingertips in the model"},
     )  # fmt: skip
 
 
@@ -64,6 +73,32 @@ def _limits(model: Any, joint: str, torque: float) -> JointLimits:
     limited = bool(model.jnt_limited[model.joint(joint).id])
     low, high = (float(v) for v in model.joint(joint).range) if limited else (-2 * np.pi, 2 * np.pi)
     return JointLimits(low, high, VELOCITY, ACCELERATION, JERK, torque)
+
+
+def _ready(model: Any, data: Any, adapted: Adapted, T_flange_tcp: Array, middle: Array) -> tuple[float, ...]:
+    """A home for a model that names none: the TCP before the base and above its foot, pointing straight down, joints as
+    near to the middle of their ranges as that allows. The middle itself where no such pose is found."""
+    ranges = np.array([model.joint(j).range for j in adapted.joints])
+    low, high = np.maximum(ranges[:, 0], -np.pi), np.minimum(ranges[:, 1], np.pi)
+    base, flange = model.body(adapted.base).id, model.body(adapted.flange).id
+    ahead = READY_AHEAD * min(1.0, _length(model, data, adapted))
+
+    def residual(q: Array) -> Array:
+        _place(model, data, adapted, q)
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = data.xmat[flange].reshape(3, 3), data.xpos[flange]
+        T = T @ T_flange_tcp
+        place = (T[:3, 3] - data.xpos[base] - [ahead, 0.0, READY_ABOVE]) * 5
+        return np.concatenate([place, T[:3, 2] - [0.0, 0.0, -1.0], 0.7 * T[:1, 1], 0.02 * (q - middle) / (high - low)])
+
+    rng, margin = np.random.default_rng(0), READY_MARGIN * (high - low)
+    starts = [
+        np.clip(middle, low + margin, high - margin),
+        *rng.uniform(low + margin, high - margin, (STARTS, len(low))),
+    ]
+    found = [least_squares(residual, q, bounds=(low, high), max_nfev=60) for q in starts]
+    fitting = [s for s in found if np.abs(s.fun[:7]).max() < 0.02]
+    return tuple(float(v) for v in (min(fitting, key=lambda s: s.cost).x if fitting else middle))
 
 
 def _place(model: Any, data: Any, adapted: Adapted, q: Array) -> None:

@@ -11,6 +11,7 @@ from gap_catalogue.shared.robot_chain import chain
 from gap_motion.kinematics import ik
 from gap_motion.planning.moves import within_steps
 from gap_robots import menagerie
+from gap_robots.menagerie.adapt import DEFAULT_TORQUE
 from gap_robots.panda import FOLDER as PANDA
 from gap_robots.ur5e import FOLDER as UR5E
 from gap_runtime.contracts.failures import DocumentError, PlanningError, UnknownNameError
@@ -132,6 +133,38 @@ def test_a_model_that_cannot_be_used_is_refused_with_the_reason(checkout, text, 
     _write(checkout, "bad_arm", text)
     with pytest.raises(DocumentError, match=rf"bad_arm/arm.xml: cannot be used as an arm: .*{reason}"):
         menagerie.menagerie("bad_arm")
+
+
+def test_an_arm_without_a_home_gets_one_that_points_down_inside_its_limits(checkout):
+    spec = menagerie.menagerie("bare_arm")
+    T = chain(spec).tcp_poses(np.array(spec.home))[0]
+    np.testing.assert_allclose(T[:3, 2], [0, 0, -1], atol=0.05)
+    assert 0.2 < T[0, 3] < spec.reach and T[2, 3] == pytest.approx(0.45, abs=0.02) and abs(T[1, 3]) < 0.02
+    assert all(limit.lower < q < limit.upper for q, limit in zip(spec.home, spec.limits, strict=True))
+
+
+def test_a_jaw_is_mounted_on_a_body_that_grippers_are_mounted_on(checkout):
+    file = checkout / "bare_arm" / "arm.xml"
+    text = file.read_text()
+    site = re.search(r'<site name="attachment_site"[^>]*/>', text)[0]
+    file.write_text(text.replace(site, '<body name="right_hand" pos="0 0 0.0996"/>'))
+    assert menagerie.menagerie("bare_arm").gripper.max_width == pytest.approx(0.085)
+
+
+@pytest.mark.parametrize(
+    ("motor", "torque"),
+    [
+        ('<motor joint="panda_joint1" ctrllimited="true" ctrlrange="-50 50"/>', 50.0),
+        ('<motor joint="panda_joint1" ctrllimited="true" ctrlrange="-1 1" gear="40"/>', 40.0),
+        ('<motor joint="panda_joint1" forcerange="-20 20"/>', 20.0),
+        ('<position joint="panda_joint1" kp="9" ctrlrange="-1 1"/>', DEFAULT_TORQUE),
+    ],
+)
+def test_a_torque_is_what_the_actuator_can_give(checkout, motor, torque):
+    file = checkout / "maker_arm" / "arm.xml"
+    text = file.read_text().replace('<motor name="m1" joint="panda_joint1"/>', motor)
+    file.write_text(text.replace('range="-2.8973 2.8973" actuatorfrcrange="-87 87"', 'range="-2.8973 2.8973"', 1))
+    assert menagerie.menagerie("maker_arm").limits[0].torque == pytest.approx(torque)
 
 
 @pytest.mark.parametrize("slower", [1.0, 2.0])
