@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -47,8 +48,9 @@ def refine(
             f"\nheld out    {done.history.judged}, longest run {done.history.longest_run}", style="bold", markup=False
         )
         out.print(f"stopped     {done.history.stopped}, after {done.episodes} episodes", markup=False)
+        task = ":".join(filter(None, (opened.config.task, opened.config.variant)))
         last = opened.folder("refine") / f"{done.history.iterations[-1].number:02d}" / "bundle"
-        print_done(opened, "refine", [], next_step=f"gap rehearse {last} --task {opened.config.task}")
+        print_done(opened, "refine", [], next_step=f"gap validate {quote(str(last))} --task {task}")
     if not done.history.changed:
         typer.echo("Nothing was changed.", err=True)
         raise typer.Exit(1)

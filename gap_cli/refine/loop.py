@@ -126,8 +126,8 @@ def refine(
 ) -> Refinement:
     """Refine the graph of `plan`; `report` is called after each iteration, number 0 being the graph as it came.
 
-    The same plan, settings, task and providers give the same history, however often it was interrupted. Raises what
-    the first rehearsal raises.
+    The same plan, settings, task and providers give the same history, however often it was interrupted, unless
+    `budget_s` cuts it short. Raises what the first rehearsal raises.
     """
     task, library = candidates.inventory.task, candidates.inventory.library
     started, level = time.monotonic(), Level(settings.alpha, settings.iterations * settings.candidates)

@@ -69,7 +69,7 @@ class Physics:
     def require_placed(self) -> None:
         """Raise `GapError` before the first reset."""
         if not self.placed:
-            raise GapError("The world is empty until it is reset.", hint="Call world.reset(world.sample(seed)).")
+            raise GapError("The cell is empty until it is reset.", hint="Call simulator.reset(simulator.sample(seed)).")
 
     def run(self, seconds: float) -> None:
         """Let `seconds` of world time pass, in whole steps."""

@@ -17,8 +17,7 @@ from gap_runtime.plugins import load_registry
 from gap_runtime.run.execute import RunSetup, run_graph
 from gap_runtime.testing import compile_fake, fake_workflow
 
-# One worker for all: they share a cell, and what one finds depends on where another left the arms.
-pytestmark = [pytest.mark.sim, pytest.mark.xdist_group("two_arms")]
+pytestmark = pytest.mark.sim
 DOWN = Quaternion(0.0, 1.0, 0.0, 0.0)
 
 
@@ -79,7 +78,10 @@ def test_arms_that_would_meet_are_refused_before_they_move(cell):
 def test_the_other_arm_is_an_obstacle_to_a_planner(cell):
     from gap_runtime.contracts.failures import PlanningError
 
-    spot = cell.cell.arms[1].state().ee_pose
+    home = JointState(cell.cell.arms[0].spec.home)
+    cell.call("robot_control.MoveToJointsBoth", joints_arm0=home, joints_arm1=home)
+    spot = Se3Pose(Vec3(0.1, -0.25, 0.35), DOWN)
+    cell.call("robot_control.GoToPoseArm", arm_id=1, pose=spot)
     start = cell.cell.arms[0].state().joints
     with pytest.raises(PlanningError) as error:
         cell.call("curobo.PlanToPose", target_pose=spot, start_joint_position=start)

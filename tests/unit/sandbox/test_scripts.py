@@ -1,3 +1,4 @@
+import itertools
 import threading
 from dataclasses import replace
 from typing import NamedTuple
@@ -56,9 +57,11 @@ def jail():
 
 @pytest.fixture
 def run(jail, tmp_path):
+    numbers = itertools.count()  # a file for each call: two may be under way at once
+
     def run(source, call_tool=None, deadline_s=30.0, **options):
         inputs = options.pop("inputs", {})
-        path = tmp_path / "script.py"
+        path = tmp_path / f"script_{next(numbers)}.py"
         path.write_text(source)
         return jail.run(path, inputs, call_tool or (lambda name, given: given), deadline_s, **options)
 
